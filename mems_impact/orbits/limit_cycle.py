@@ -13,7 +13,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
-from mems_impact.orbits.division import with_nodes
+from mems_impact.orbits.division import NODE_GROWTH, growth, with_nodes
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.period_detection import check_bounded, detect_period, flow_at
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
@@ -162,7 +162,10 @@ def _clear_start(shooting: Shooting, point: ShootingEvaluation) -> float:
     """Return the start of a cycle without events: its own, or, where it is slow, a fast instant.
 
     Where the flow is slow, its direction and with it the phase condition turn within short steps.
+    Along a canard the start remains: a contraction before the growth would hide it from the nodes.
     """
+    if growth(point.arcs[0].by_state[shooting.free]) > NODE_GROWTH:
+        return 0.0
     times = np.linspace(0.0, point.period, START_SAMPLES, endpoint=False).tolist()
     speeds = []
     for time in times:

@@ -71,7 +71,7 @@ def _factors(shooting: Shooting, point: ShootingEvaluation) -> Floats:
     for c, factors in shooting.pinned.items():
         columns[c] -= np.array(factors) @ columns
     found, last = [], {}
-    pieces = list(bisected(shooting, point, lambda arc: is_short(arc.by_state)))
+    pieces = list(bisected(shooting, point, lambda arc: _is_resolved(arc.by_state[free])))
     last = {piece.segment: number for number, piece in enumerate(pieces)}
     for number, (i, *_, arc) in enumerate(pieces):
         after, flow = arc.by_state @ columns, arc.slope_end
@@ -86,6 +86,16 @@ def _factors(shooting: Shooting, point: ShootingEvaluation) -> Floats:
         columns, factor = np.linalg.qr(moved)
         found.append(factor)
     return np.array([*found, start.T @ columns[keep]])
+
+
+def _is_resolved(by_state: Floats) -> bool:
+    """Return whether perturbations grow and decay too little in a piece to lose their digits."""
+    if not growth(by_state) <= MAX_GROWTH:
+        return False
+    try:
+        return growth(np.linalg.inv(by_state)) <= MAX_GROWTH
+    except np.linalg.LinAlgError:  # a component that is forgotten
+        return True
 
 
 def _without(flow: Floats, columns: Floats) -> Floats:

@@ -42,5 +42,9 @@ def test_multipliers_are_those_of_the_divergence_and_nothing_bifurcates():
 
         start = (cycle.state.x, cycle.state.y, 0.0)
         end = solve_ivp(extended, (0.0, cycle.period), start, "DOP853", rtol=1e-12, atol=1e-13)
+        if math.dist(end.y[:2, -1], start[:2]) > 1e-6:
+            break  # the growth is too large for an integration to follow the cycle
         exact = math.exp(end.y[2, -1])
-        assert cycle.multipliers[0].real == pytest.approx(exact, rel=5e-3)
+        assert cycle.multipliers[0].real == pytest.approx(exact, rel=1e-4)
+        followed = cycle.period
+    assert followed > 100.0
