@@ -93,7 +93,7 @@ def _is_resolved(by_state: Floats) -> bool:
     if not growth(by_state) <= MAX_GROWTH:
         return False
     try:
-        return growth(np.linalg.inv(by_state)) <= MAX_GROWTH
+        return growth(np.asarray(np.linalg.inv(by_state), dtype=float)) <= MAX_GROWTH
     except np.linalg.LinAlgError:  # a component that is forgotten
         return True
 
