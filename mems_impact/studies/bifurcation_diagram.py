@@ -680,7 +680,9 @@ class DiagramBuilder:
 
     def _add_equilibrium(self, equilibrium: Equilibrium) -> int:
         number = self._number(equilibrium)
-        if number is None and (equilibrium.nullity or not equilibrium.admissible):
+        # The step from a start at a special point does not locate the point.
+        regular = not equilibrium.nullity and bool(np.all(equilibrium.eigenvalues))
+        if number is None and not (regular and equilibrium.admissible):
             return NO_BRANCH
         return self._add(self._branch_through(equilibrium)) if number is None else number
 
