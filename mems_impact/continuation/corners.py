@@ -46,7 +46,8 @@ def corners(orbits: Sequence[PeriodicOrbit], parameter: str) -> Iterator[Corner]
         yield from _between(one, other, parameter, 0.0, 1.0)
     if len(orbits) > 1:
         before = orbits[-1 - min(STEPS_BEYOND, len(orbits) - 1)]
-        yield from _between(before, orbits[-1], parameter, 1.0, 2.0)
+        # From before the end, which may be nearer to a corner than a difference.
+        yield from _between(before, orbits[-1], parameter, 0.5, 2.0)
 
 
 def _between(

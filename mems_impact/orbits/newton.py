@@ -9,13 +9,15 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
-from mems_impact.orbits.linear_equations import solve_linear
+from mems_impact.orbits.linear_equations import is_sparse, solve_linear
 from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE, Shooting, ShootingEvaluation
 
 TOLERANCE = 1e-11  # of a Newton step
 RESIDUAL_ROUNDING = 4.0 * np.finfo(float).eps  # of a residual, relative to its terms
 # Ratio of two steps below `RESIDUAL_TOLERANCE` from which they are integration errors.
 NOISE_RATIO = 0.02
+SINGULAR_GAIN = 1e6  # ratio of step and residual from which a matrix may be singular
+SINGULAR_RTOL = 1e-12  # ratio of singular values of a matrix that is singular to rounding
 MAX_STEP_NORM = 1e6  # longest step of a convergent iteration
 MAX_NEWTON_ITERATIONS = 20
 ORBIT_GUESS_REMEDY = (
@@ -120,11 +122,16 @@ def newton(
             change = np.asarray(np.linalg.lstsq(matrix, -residual)[0], dtype=float)
             if np.abs(matrix @ change + residual).max() > RESIDUAL_TOLERANCE:
                 break  # no step reduces the residual
-        size = float(np.abs(change).max())
+        size, worst = float(np.abs(change).max()), float(np.abs(residual).max())
+        if size > SINGULAR_GAIN * worst and not is_sparse(matrix):
+            # Along a family of orbits the matrix is singular, and rounding determines the step.
+            least = np.asarray(np.linalg.lstsq(matrix, -residual, SINGULAR_RTOL)[0], dtype=float)
+            if np.abs(matrix @ least + residual).max() < 0.5 * worst:
+                change, size = least, float(np.abs(least).max())
         if size < RESIDUAL_TOLERANCE:
             iterations_needed = min(iterations_needed, iteration)
         slow = size >= (NOISE_RATIO * previous if previous < RESIDUAL_TOLERANCE else previous)
-        stalled = slow and float(np.abs(residual).max()) < RESIDUAL_TOLERANCE
+        stalled = slow and worst < RESIDUAL_TOLERANCE
         if size < TOLERANCE or stalled:
             return Solution(unknowns, point, min(iterations_needed, iteration))
         if not size <= MAX_STEP_NORM:

@@ -62,6 +62,17 @@ def test_a_smooth_transition_is_not():
     assert warned(smooth) == []
 
 
+def test_a_border_that_a_branch_stops_before_is_warned_of():
+    """It ends within 1e-6 of the border, where the slope becomes infinite."""
+
+    def step(mode, t, y, p):
+        x = y.x - 0.3
+        return mode, (0.3 + (0.6 * x + p.rho if x < 0.0 else p.rho - 2.0 * math.sqrt(x)),)
+
+    (message,) = warned(step)
+    assert float(message.partition("rho = ")[2].partition(":")[0]) == pytest.approx(0.0, abs=1e-4)
+
+
 @pytest.mark.nightly
 def test_a_branch_whose_perturbations_exceed_all_digits_says_so():
     """Multipliers exp(5 T) and exp(-T)."""

@@ -77,3 +77,18 @@ def test_a_function_that_fails_at_other_parameters_is_reported():
     branch = mi.continue_orbit(orbit, "a", -1.0, steps=mi.StepControl(max_step=0.3))
     assert branch.table["a"].iloc[-1] == pytest.approx(0.2, abs=1e-6)
     assert "below the table" in branch.ended
+
+
+def test_a_cycle_of_a_family_is_that_of_the_guess():
+    """Where all cycles of a center have one period, no other than the guess is as near."""
+    center = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, -y.x - (p.k * y.x if mode.c == 1 else 0.0)),
+        parameters={"k": 15.0},
+        parts=[mi.SwitchingSurface("c", "x")],
+        initial={"x": -0.7},
+    )
+    orbit = mi.find_orbit(center)
+    assert orbit.period == pytest.approx(math.pi * (1.0 + 0.25), abs=1e-9)
+    assert orbit.state.x == pytest.approx(-0.7, abs=1e-6)
+    assert orbit.stable is None

@@ -126,7 +126,7 @@ def differentiated(
                         arguments[i] = memory[place] + h * memory[place + 1 + k]
                     time = float(memory[start])
                     if by_time:
-                        time += h * float(memory[start + 1 + k])
+                        time = float(time + h * memory[start + 1 + k])
                     function(mode, code, time, y, p, out)
                     for i in range(size):
                         memory[start + of_out + record * i + 1 + k] += weight * out[i]
