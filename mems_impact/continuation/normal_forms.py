@@ -281,7 +281,11 @@ def _bordered(matrix: Floats, q: Floats, p: Floats, right: Floats) -> Floats:
     size = q.size
     bordered = np.zeros((size + 1, size + 1))
     bordered[:size, :size], bordered[:size, size], bordered[size, :size] = matrix, q, p
-    return np.asarray(np.linalg.solve(bordered, np.append(right, 0.0))[:size])
+    right = np.append(right, 0.0)
+    try:
+        return np.asarray(np.linalg.solve(bordered, right)[:size])
+    except np.linalg.LinAlgError:  # a double eigenvalue, where errors of q and p are unbounded
+        return np.asarray(np.linalg.lstsq(bordered, right)[0][:size])
 
 
 def fold_coefficient(system: Jacobian, matrix: Floats, size: float, target: float) -> NormalForm:
