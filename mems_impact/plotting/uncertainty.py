@@ -352,9 +352,9 @@ def plot_sensitivity(
     longest = np.nanmax(np.abs(change), initial=0.0)
     if not longest > 0.0:
         raise InvalidParameter("quantity", quantity, "a quantity that a parameter changes")
-    order = [i for i in np.argsort(-np.abs(change)) if np.abs(change[i]) > MIN_BAR_RATIO * longest][
-        :MAX_BARS
-    ]
+    # Equal bars, as of factors of one product, keep the order of the table.
+    ranks = np.argsort(-np.round(np.abs(change) / longest, 6), kind="stable")
+    order = [i for i in ranks if np.abs(change[i]) > MIN_BAR_RATIO * longest][:MAX_BARS]
     names, change = [list(sizes)[i] for i in order], change[order]
     if ax is None:
         ax = new_figure(0.0, 5.0 + len(names)).subplots()
