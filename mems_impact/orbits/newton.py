@@ -125,9 +125,9 @@ def newton(
         size, worst = float(np.abs(change).max()), float(np.abs(residual).max())
         if size > SINGULAR_GAIN * worst and not is_sparse(matrix):
             # Along a family of orbits the matrix is singular, and rounding determines the step.
-            least = np.asarray(np.linalg.lstsq(matrix, -residual, SINGULAR_RTOL)[0], dtype=float)
-            if np.abs(matrix @ least + residual).max() < 0.5 * worst:
-                change, size = least, float(np.abs(least).max())
+            least, _, rank, _ = np.linalg.lstsq(matrix, -residual, SINGULAR_RTOL)
+            if rank == len(matrix) - 1 and np.abs(matrix @ least + residual).max() < 0.5 * worst:
+                change, size = np.asarray(least, dtype=float), float(np.abs(least).max())
         if size < RESIDUAL_TOLERANCE:
             iterations_needed = min(iterations_needed, iteration)
         slow = size >= (NOISE_RATIO * previous if previous < RESIDUAL_TOLERANCE else previous)
