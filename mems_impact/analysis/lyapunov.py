@@ -160,8 +160,7 @@ class LyapunovSpectrum(Result):
 
     @property
     def _differences(self) -> str:
-        automaton = self.system.automaton
-        return differences_reason(automaton.flow, automaton.transition)
+        return differences_reason(self.system.automaton)
 
     @property
     def per_period(self) -> Floats:

@@ -130,8 +130,7 @@ class Orbit(Result):
 
     @property
     def _differences(self) -> str:
-        automaton = self.system.automaton
-        return differences_reason(automaton.flow, automaton.transition)
+        return differences_reason(self.system.automaton)
 
     def summary(self) -> dict[str, Any]:
         """Return its parameters and state, its stability and its admissibility."""

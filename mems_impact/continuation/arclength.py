@@ -22,7 +22,7 @@ from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import (
     RESIDUAL_TOLERANCE,
     ZERO_COMPONENT,
-    Piece,
+    SegmentPiece,
     Shooting,
     ShootingEvaluation,
 )
@@ -313,7 +313,9 @@ def _largest_difference(shooting: Shooting, y: Floats, state: Floats) -> float:
     return float(np.abs(y - state)[shooting.free].max(initial=0.0))
 
 
-def _nearest(shooting: Shooting, point: ShootingEvaluation, piece: Piece, state: Floats) -> float:
+def _nearest(
+    shooting: Shooting, point: ShootingEvaluation, piece: SegmentPiece, state: Floats
+) -> float:
     """Return the distance of a state from a piece of a cycle."""
     mode, free = piece.mode, shooting.free
     variational = shooting.variational(point.parameter_point)

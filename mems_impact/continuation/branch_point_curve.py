@@ -34,9 +34,10 @@ from mems_impact.continuation.test_functions import (
     orbit_tests,
 )
 from mems_impact.errors import OrbitError
+from mems_impact.orbits.division import OtherEquations
 from mems_impact.orbits.monodromy import multipliers_at
 from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
-from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE, Shooting, ShootingEvaluation
+from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE, ShootingEvaluation
 
 __all__ = ["BranchPointCurve"]
 
@@ -100,19 +101,14 @@ class BranchPointCurve(CurveProblem):
         return DefiningSystem(self.shooting, self.monitor)
 
     def with_equations(
-        self,
-        other: Shooting,
-        unknowns: Floats,
-        first: int,
-        point: ShootingEvaluation,
-        direction: Floats,
+        self, other: OtherEquations, point: ShootingEvaluation, direction: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
         """Return the orbit of a point with other equations, and the tangent of the curve."""
-        shooting = other
+        shooting, unknowns, first = other
         near = shooting.evaluate(unknowns, point.values)
         start, across = np.concatenate([unknowns, point.values]), curve_tangent(shooting, near)
         restarted = correct_branch_point(shooting, near, start, across, start).point
-        count = len(shooting.segments)
+        count = len(self.shooting.segments)
         self.zero = {test.rebased(count, first) for test in self.zero}
         self.shooting, self.condition = shooting, DefiningSystem(shooting, self.monitor)
         return restarted, oriented(curve_tangent(shooting, restarted), direction, shooting)

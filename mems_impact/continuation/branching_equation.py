@@ -31,7 +31,7 @@ from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
 DEGENERATE_RATIO = 1e-6  # largest ratio of a mixed coefficient to its terms that counts as zero
-PARALLEL_RATIO = 1e-12  # largest sine of the angle between vectors that count as parallel
+PARALLEL_SINE = 1e-12  # largest sine of the angle between vectors that count as parallel
 FIRST_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # of the first point from the branch point
 SHORT_DISTANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)  # where no point is found at the others
 MIN_PARAMETER_CHANGE = 1e-7  # relative change of the parameter of a significant distance
@@ -240,7 +240,7 @@ class CrossingBranch(Generic[P]):
         quadratic = seconds @ self._kernel.T
         s = self._unit(np.array([-self._kernel[1, -1], self._kernel[0, -1]]))
         across = np.array([-s[1], s[0]])
-        d = first if abs(float(first @ across)) > PARALLEL_RATIO else across
+        d = first if abs(float(first @ across)) > PARALLEL_SINE else across
         basis = np.array([s, d])
         (a, b), (_, c) = 0.5 * basis @ (quadratic + quadratic.T) @ basis.T
         terms = float(np.abs(s @ seconds) @ np.abs(d @ self._kernel))
@@ -251,7 +251,7 @@ class CrossingBranch(Generic[P]):
             return []
         q = -(b + math.copysign(math.sqrt(discriminant), b))
         x, y = self._unit(q * s + a * d), self._unit(c * s + q * d)
-        return [x, y] if abs(x[0] * y[1] - x[1] * y[0]) > PARALLEL_RATIO else []
+        return [x, y] if abs(x[0] * y[1] - x[1] * y[0]) > PARALLEL_SINE else []
 
     def _unit(self, vector: Floats) -> Floats:
         size = float(np.linalg.norm(vector))

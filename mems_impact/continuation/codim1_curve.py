@@ -43,6 +43,7 @@ from mems_impact.continuation.test_functions import (
     orbit_tests,
 )
 from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.orbits.division import OtherEquations
 from mems_impact.orbits.linear_equations import null_vector
 from mems_impact.orbits.monodromy import multipliers_at
 from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
@@ -217,15 +218,10 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         return min(gaps, default=(0.0, -1))[1]
 
     def with_equations(
-        self,
-        other: Shooting,
-        unknowns: Floats,
-        first: int,
-        point: ShootingEvaluation,
-        direction: Floats,
+        self, other: OtherEquations, point: ShootingEvaluation, direction: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
         """Return the orbit of a point with other equations, and the tangent of the curve."""
-        shooting = other
+        shooting, unknowns, first = other
         count = len(self.shooting.segments)
         monitor = self.monitor.rebased(count, first)
         condition = monitor.equation(shooting)

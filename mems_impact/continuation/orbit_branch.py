@@ -84,7 +84,7 @@ from mems_impact.continuation.test_functions import (
 from mems_impact.continuation.user_test_functions import FunctionTest, FunctionZeros
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
-from mems_impact.orbits.division import divided
+from mems_impact.orbits.division import OtherEquations, divided
 from mems_impact.orbits.limit_cycle import check_not_degenerate, phase_is_clear, rebase_phase
 from mems_impact.orbits.monodromy import monodromy_factors
 from mems_impact.orbits.newton import solve
@@ -107,12 +107,12 @@ def restart_cycle(
     OrbitError
         If it cannot be corrected there.
     """
-    other, unknowns, _ = rebase_phase(shooting, point)
-    return other, *corrected(other, unknowns, point, direction)
+    other = rebase_phase(shooting, point)
+    return other.shooting, *corrected(other, point, direction)
 
 
 def corrected(
-    other: Shooting, unknowns: Floats, point: ShootingEvaluation, direction: Floats
+    other: OtherEquations, point: ShootingEvaluation, direction: Floats
 ) -> tuple[ShootingEvaluation, Floats]:
     """Return the solution of other equations for an orbit, and the tangent of the branch.
 
@@ -122,9 +122,10 @@ def corrected(
         If it cannot be corrected there.
     """
     # Normal to the branch: at a fold the equations for a fixed parameter are singular.
-    across = tangent(other.evaluate(unknowns, point.values))
-    solution = correct(other, np.concatenate([unknowns, point.values]), across).point
-    return solution, oriented(tangent(solution), direction, other)
+    shooting, unknowns, _ = other
+    across = tangent(shooting.evaluate(unknowns, point.values))
+    solution = correct(shooting, np.concatenate([unknowns, point.values]), across).point
+    return solution, oriented(tangent(solution), direction, shooting)
 
 
 def oriented(onward: Floats, direction: Floats, other: Shooting) -> Floats:
@@ -176,23 +177,15 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
     ) -> tuple[ShootingEvaluation, Floats] | None:
         """Restart a cycle if its start is close to an event; choose other nodes if necessary."""
         if not phase_is_clear(self.shooting, point):
-            return self.with_equations(*rebase_phase(self.shooting, point), point, direction)
+            return self.with_equations(rebase_phase(self.shooting, point), point, direction)
         other = divided(self.shooting, point)
-        return None if other is None else self.with_equations(*other, 0, point, direction)
+        return None if other is None else self.with_equations(other, point, direction)
 
     @abstractmethod
     def with_equations(
-        self,
-        other: Shooting,
-        unknowns: Floats,
-        first: int,
-        point: ShootingEvaluation,
-        direction: Floats,
+        self, other: OtherEquations, point: ShootingEvaluation, direction: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Return the orbit of a point with other equations, and the tangent of branch or curve.
-
-        The equations of a cycle may start in another segment, the number `first`.
-        """
+        """Return the orbit of a point with other equations, and the tangent of branch or curve."""
 
     def rates(self, point: ShootingEvaluation, name: str, value: float) -> Floats:
         """Return the flow at both ends of all segments, and the states after the events."""
@@ -513,16 +506,11 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         return Restart(start, onward, self.steps.initial_step)
 
     def with_equations(
-        self,
-        other: Shooting,
-        unknowns: Floats,
-        first: int,
-        point: ShootingEvaluation,
-        direction: Floats,
+        self, other: OtherEquations, point: ShootingEvaluation, direction: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
         """Return the orbit of a point with other equations, and the tangent of the branch."""
-        self.shooting = other
-        return corrected(other, unknowns, point, direction)
+        self.shooting = other.shooting
+        return corrected(other, point, direction)
 
     def end_at(self, point: ShootingEvaluation) -> str:
         """Return the reason for an end at an orbit; empty if the branch continues."""

@@ -8,12 +8,13 @@ chosen at a solution; Newton's method never changes them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.hybrid.variational.derivatives import Arc
-from mems_impact.orbits.shooting import Piece, Shooting, ShootingEvaluation
+from mems_impact.orbits.shooting import SegmentPiece, Shooting, ShootingEvaluation
 
 MAX_GROWTH = 1e3  # of perturbations in a piece, beyond which a segment has other nodes
 NODE_GROWTH = 30.0  # largest growth between two new nodes
@@ -24,9 +25,8 @@ NODE_DISTANCE = 1e-9  # least distance of a node from the ends of its segment, r
 def growth(by_state: Floats) -> float:
     """Return the growth of perturbations of the free components, whatever their units."""
     if np.abs(by_state).max(initial=0.0) > NODE_GROWTH and np.isfinite(by_state).all():
-        from scipy.linalg import (
-            matrix_balance,
-        )  # imported on first use, which a run need not wait for
+        # Imported on first use, which a run need not wait for.
+        from scipy.linalg import matrix_balance
 
         with np.errstate(invalid="ignore"):  # of scales beyond those of integers
             by_state, _ = matrix_balance(by_state, permute=False)
@@ -35,7 +35,7 @@ def growth(by_state: Floats) -> float:
 
 def bisected(
     shooting: Shooting, point: ShootingEvaluation, is_short: Callable[[Arc], bool]
-) -> Iterator[Piece]:
+) -> Iterator[SegmentPiece]:
     """Yield the pieces of all segments, in order, bisected until they are short."""
     variational = shooting.variational(point.parameter_point)
     for piece in shooting.pieces(point):
@@ -54,8 +54,25 @@ def bisected(
             waiting.append(each._replace(end=middle, arc=first))
 
 
-def divided(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shooting, Floats] | None:
-    """Return equations with other nodes, and the unknowns of a point there.
+class OtherEquations(NamedTuple):
+    """Other equations of the same orbit.
+
+    Attributes
+    ----------
+    shooting : Shooting
+    unknowns : float array
+        Of the orbit.
+    first : int
+        The former number of their first segment, in which a cycle may start.
+    """
+
+    shooting: Shooting
+    unknowns: Floats
+    first: int = 0
+
+
+def divided(shooting: Shooting, point: ShootingEvaluation) -> OtherEquations | None:
+    """Return the equations of an orbit with other nodes.
 
     None if perturbations grow neither too much between the nodes nor too little to need them.
     """
@@ -81,7 +98,7 @@ def divided(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shooting, Fl
     nodes, states = with_nodes(starts, point.starts, point.ends, instants)
     other = shooting.with_phase(shooting.segments, shooting.phase, nodes)
     times = point.unknowns[len(free) * shooting.layout.segment.size :]
-    return other, np.append(states[:, free].ravel(), times)
+    return OtherEquations(other, np.append(states[:, free].ravel(), times))
 
 
 def with_nodes(

@@ -13,7 +13,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
-from mems_impact.orbits.division import NODE_GROWTH, growth, with_nodes
+from mems_impact.orbits.division import NODE_GROWTH, OtherEquations, growth, with_nodes
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.period_detection import check_bounded, detect_period, flow_at
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
@@ -176,11 +176,11 @@ def _clear_start(shooting: Shooting, point: ShootingEvaluation) -> float:
     return times[next(i for i, v in enumerate(speeds) if v >= EQUAL_SPEED_RATIO * max(speeds))]
 
 
-def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shooting, Floats, int]:
-    """Return the equations and unknowns of a cycle restarted in its longest segment.
+def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> OtherEquations:
+    """Return the equations of a cycle restarted in its longest segment.
 
-    The third value is the index of that segment, where the last segment is joined with the first. A
-    cycle without events keeps its start, with a phase condition normal to the flow there.
+    The last segment is joined with the first. A cycle without events keeps its start if it is fast
+    there, with a phase condition normal to the flow.
     """
     states, _ = shooting.unpack(point.unknowns)
     free, last = shooting.free, len(shooting.segments) - 1
@@ -215,4 +215,4 @@ def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shootin
     )
     phase = Phase.across(arc.slope_end[free], first[free], point.period)
     other = shooting.with_phase(guess.segments, phase, nodes)
-    return other, other.pack(guess), i
+    return OtherEquations(other, other.pack(guess), i)

@@ -70,7 +70,7 @@ def _factors(shooting: Shooting, point: ShootingEvaluation) -> Floats:
     columns[keep] = start
     for c, factors in shooting.pinned.items():
         columns[c] -= np.array(factors) @ columns
-    found, last = [], {}
+    found = []
     pieces = list(bisected(shooting, point, lambda arc: _is_resolved(arc.by_state[free])))
     last = {piece.segment: number for number, piece in enumerate(pieces)}
     for number, (i, *_, arc) in enumerate(pieces):
@@ -132,17 +132,24 @@ def multipliers_at(shooting: Shooting, point: ShootingEvaluation) -> Complexes:
         raise OrbitError("the monodromy matrix is not finite", "take another guess", point)
     if len(factors) == 1:
         return np.linalg.eigvals(factors[0]).astype(complex)
-    return product_eigenvalues(factors)[0]
+    return _product(shooting, point)[0]
+
+
+def _product(shooting: Shooting, point: ShootingEvaluation) -> Complexes:
+    """Return the eigenvalues of the product of several factors, and their conditions."""
+    key = "eigenvalues", *shooting.pinned.items()
+    factors = monodromy_factors(shooting, point)
+    return np.asarray(point.matrix(key, lambda: np.array(product_eigenvalues(factors))), complex)
 
 
 def is_stable(shooting: Shooting, point: ShootingEvaluation) -> bool | None:
     """Return the stability, by the error of the monodromy matrix where a bound does not decide."""
     factors = monodromy_factors(shooting, point)
     if len(factors) > 1:
-        values, conditions = product_eigenvalues(factors)
+        values, conditions = _product(shooting, point)
         with np.errstate(divide="ignore"):
             distances = np.log(np.abs(values))
-        certain = np.abs(distances) > MULTIPLIER_RTOL * conditions
+        certain = np.abs(distances) > MULTIPLIER_RTOL * conditions.real
         if (certain & (distances > 0.0)).any():
             return False
         return True if certain.all() else None

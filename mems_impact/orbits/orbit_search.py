@@ -282,7 +282,7 @@ def _corrected(shooting: Shooting, guess: OrbitGuess) -> PeriodicOrbit:
     point = shooting.evaluate(unknowns, values)
     shooting.pin(point)
     for _ in range(MAX_DIVISIONS):
-        shooting, unknowns = divided(shooting, point) or (shooting, unknowns)
+        shooting, unknowns, _ = divided(shooting, point) or (shooting, unknowns, 0)
         point = solve(shooting, unknowns, values)
         if divided(shooting, point) is None:
             break

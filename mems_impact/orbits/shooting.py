@@ -251,7 +251,7 @@ class ShootingEvaluation:
         return self.parameter_point.period
 
 
-class Piece(NamedTuple):
+class SegmentPiece(NamedTuple):
     """A part of a segment between nodes, and its arc.
 
     Attributes
@@ -410,14 +410,14 @@ class Shooting:
         states[np.abs(states) < ZERO_COMPONENT] = 0.0
         return states, self.unit * unknowns[f * count : f * count + len(self.events)]
 
-    def pieces(self, point: ShootingEvaluation) -> Iterator[Piece]:
+    def pieces(self, point: ShootingEvaluation) -> Iterator[SegmentPiece]:
         """Yield the pieces of the segments, in order."""
         states, _ = self.unpack_pieces(point.unknowns)
         starts, ends = self.layout.divided(point.starts, point.ends)
         spans = zip(self.layout.segment.tolist(), starts.tolist(), ends.tolist(), strict=True)
         arcs = point.pieces or point.arcs
         for (i, start, end), state, arc in zip(spans, states, arcs, strict=True):
-            yield Piece(i, self.segments[i].mode, start, end, state, arc)
+            yield SegmentPiece(i, self.segments[i].mode, start, end, state, arc)
 
     def arc_to(self, point: ShootingEvaluation, i: int, time: float) -> Arc:
         """Return the arc from the last node of segment `i` before an instant to that instant."""

@@ -21,6 +21,7 @@ from mems_impact.hybrid.variational.tangents import (
     Sizes,
     differences_reason,
     differentiated,
+    event_sizes,
     note_refusal,
     width_for,
     with_code,
@@ -109,11 +110,6 @@ def tangent_flow(
     return extended
 
 
-def event_sizes(n: int, m: int, count: int, directions: int) -> Sizes:
-    """Return the sizes of `event_tangents`."""
-    return Sizes(n, count, 2 * m + n, width_for(1 + n + directions))
-
-
 @cache
 def event_tangents(
     margins: Callable[..., Any],
@@ -162,14 +158,13 @@ Built = TypeVar("Built")
 
 def exact_or_not(automaton: Automaton, build: Callable[[bool], Built]) -> Built:
     """Return ``build(True)``; ``build(False)`` if functions do not take numbers with tangents."""
-    functions = automaton.flow, automaton.transition
-    if not differences_reason(*functions):
+    if not differences_reason(automaton):
         try:
             return build(True)
         except FunctionError:
             from mems_impact.hybrid.diagnostics.failures import explain_refusal
 
             result = build(False)  # raises the error of a function that cannot be compiled at all
-            note_refusal(explain_refusal(automaton), *functions)
+            note_refusal(explain_refusal(automaton), automaton.flow, automaton.transition)
             return result
     return build(False)

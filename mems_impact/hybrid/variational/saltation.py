@@ -51,7 +51,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     whole_periods,
 )
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.variational.flow import event_sizes
+from mems_impact.hybrid.variational.tangents import event_sizes
 from mems_impact.integrators import interface
 
 # --- Segments of an orbit

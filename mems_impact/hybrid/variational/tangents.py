@@ -17,6 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.differences import weight_of
 from mems_impact.integrators import library
 from mems_impact.integrators.dual_numbers import FUNCTIONS, DualVector
@@ -27,6 +28,7 @@ __all__ = [
     "copy_for_tangents",
     "differences_reason",
     "differentiated",
+    "event_sizes",
     "flow_jacobian",
     "jacobian_memory",
     "note_refusal",
@@ -61,6 +63,11 @@ class Sizes(NamedTuple):
         """Length of the records, and of the scratch of differences after them."""
         numbers = self.n + self.parameters + self.size
         return (1 + numbers) * self.record + numbers
+
+
+def event_sizes(n: int, m: int, count: int, directions: int) -> Sizes:
+    """Return the sizes of `mems_impact.hybrid.variational.flow.event_tangents`."""
+    return Sizes(n, count, 2 * m + n, width_for(1 + n + directions))
 
 
 @cache
@@ -206,8 +213,9 @@ def _plain_parameters(p: Any, _memory: Any, _start: int) -> Any:
 _refusals: dict[Callable[..., Any], str] = {}
 
 
-def differences_reason(*functions: Callable[..., Any]) -> str:
+def differences_reason(automaton: Automaton) -> str:
     """Return why functions have been differentiated by differences; empty if none has been."""
+    functions = automaton.flow, automaton.transition
     return next((_refusals[each] for each in functions if each in _refusals), "")
 
 
