@@ -27,6 +27,8 @@ from mems_impact.integrators.python_functions import apply_transition
 
 # --- Hybrid automaton
 
+GENERATED = "<automaton>"  # file name of generated source, excluded from error reports
+
 
 @dataclass(frozen=True)
 class Guard:

@@ -49,7 +49,7 @@ from typing import Any
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid import constraints
-from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.automaton import GENERATED, Automaton, Guard
 from mems_impact.hybrid.differences import weight_of
 from mems_impact.hybrid.event_loop.workspace import ENDS, NO_REST
 from mems_impact.hybrid.pickling import portable
@@ -71,7 +71,6 @@ __all__ = [
 
 # --- Source of an automaton from user functions
 
-GENERATED = "<automaton>"  # file name of generated source, excluded from error reports
 RATE_STEP = 1e-3  # step of the differences for a rate, in periods
 PLACEHOLDER_GUARD = "never"  # the guard of a system that has none
 NAMED_FORM, ARRAY_FORM = 4, 5  # numbers of arguments: without, with an output array

@@ -5,11 +5,14 @@ Values cannot show that a function does not depend on time: a ramp or a pulse ma
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Iterator, Sequence
 from dis import get_instructions
 from functools import lru_cache
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
+
+from mems_impact.hybrid.automaton import GENERATED
 
 __all__ = ["Argument", "reads_time", "time_error"]
 
@@ -77,6 +80,8 @@ def _uses(function: FunctionType, position: int) -> Sequence[tuple[Any, int] | N
 
     Return None in place of all names if numba does not understand the code.
     """
+    if function.__code__.co_filename == GENERATED and "SOURCE" in function.__globals__:
+        return list(_generated_uses(function, position))
     from numba.core import ir
     from numba.core.compiler import run_frontend
     from numba.core.errors import NumbaError
@@ -128,6 +133,33 @@ def _uses(function: FunctionType, position: int) -> Sequence[tuple[Any, int] | N
         else:
             uses.append(None)
     return uses
+
+
+def _generated_uses(function: FunctionType, position: int) -> Iterator[tuple[Any, int]]:
+    """Yield the functions and positions to which a generated function passes an argument.
+
+    Generated code reads the time by calls only.
+    """
+    code, space = function.__code__, function.__globals__
+    name = code.co_varnames[position]
+
+    def mentions(node: ast.AST) -> bool:
+        return (isinstance(node, ast.Name) and node.id == name) or any(
+            mentions(part) for part in ast.iter_child_nodes(node) if not isinstance(part, ast.Call)
+        )
+
+    for node in ast.walk(_definitions(space["SOURCE"])[code.co_name]):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            for place, argument in enumerate(node.args):
+                if not isinstance(argument, ast.Call) and mentions(argument):
+                    yield space.get(node.func.id), place
+
+
+@lru_cache(maxsize=16)
+def _definitions(source: str) -> dict[str, ast.FunctionDef]:
+    """Return the syntax trees of the functions of a generated source, by name."""
+    body = ast.parse(source).body
+    return {each.name: each for each in body if isinstance(each, ast.FunctionDef)}
 
 
 def _passed(call: Any, timed: set[str], callee: Any) -> Iterator[tuple[Any, int] | None]:
