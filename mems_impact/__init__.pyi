@@ -77,10 +77,8 @@ from .analysis.attractor import RecurrenceOptions as RecurrenceOptions
 from .analysis.boundary_equilibrium_type import BoundaryType as BoundaryType
 from .analysis.branch import Branch as Branch
 from .analysis.branch import Curve as Curve
-from .analysis.branch import EquilibriumBranch as EquilibriumBranch
 from .analysis.branch import continue_curve as continue_curve
-from .analysis.branch import continue_equilibrium as continue_equilibrium
-from .analysis.branch import continue_orbit as continue_orbit
+from .analysis.branch import continue_solution as continue_solution
 from .analysis.branch import switch_branch as switch_branch
 from .analysis.edge_state import EdgeState as EdgeState
 from .analysis.edge_state import edge_state as edge_state
@@ -96,7 +94,6 @@ from .analysis.orbit import Orbit as Orbit
 from .analysis.run import Run as Run
 from .analysis.settling import Settling as Settling
 from .analysis.sliding_type import SlidingType as SlidingType
-from .analysis.special_points import EquilibriumPoint as EquilibriumPoint
 from .analysis.special_points import GrazingType as GrazingType
 from .analysis.special_points import SpecialPoint as SpecialPoint
 from .analysis.steady_state import steady_state as steady_state

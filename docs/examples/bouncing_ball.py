@@ -85,8 +85,8 @@ mi.plot_orbit(orbit).figure.savefig("bouncing_ball_orbit.png")
 # third branch holds the orbits of twice the period. Brute force sweeps up from rest and down from
 # a bouncing motion.
 
-up = mi.continue_orbit(orbit, "A", stop=1.4)
-down = mi.continue_orbit(orbit, "A", stop=0.2, back=1.4)
+up = mi.continue_solution(orbit, "A", stop=1.4)
+down = mi.continue_solution(orbit, "A", stop=0.2, back=1.4)
 (doubling,), (fold,) = up.special_points, down.special_points
 twice = mi.switch_branch(doubling, bounds=(1.0, 1.4))
 

@@ -67,7 +67,7 @@ orbit = mi.find_orbit(run)
 # The branches of the orbits of one and of two ramps, over brute force (PD: period doubling).
 
 steps = mi.StepControl(max_step=0.2)
-once = mi.continue_orbit(orbit, "E", stop=35.0, steps=steps)
+once = mi.continue_solution(orbit, "E", stop=35.0, steps=steps)
 (doubling,) = once.special_points
 twice = mi.switch_branch(doubling, bounds=(22.0, 35.0), steps=steps)
 (again,) = twice.special_points

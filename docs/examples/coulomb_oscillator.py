@@ -82,10 +82,10 @@ mi.plot_orbit(sticking).figure.savefig("coulomb_oscillator_orbit.png")
 
 gliding = mi.find_orbit(oscillator, transient=60)
 branches = [
-    mi.continue_orbit(gliding, "f", stop=0.1),
-    mi.continue_orbit(gliding, "f", stop=0.9),
-    mi.continue_orbit(sticking, "f", stop=0.1, back=0.97),
-    mi.continue_orbit(sticking, "f", stop=0.97),
+    mi.continue_solution(gliding, "f", stop=0.1),
+    mi.continue_solution(gliding, "f", stop=0.9),
+    mi.continue_solution(sticking, "f", stop=0.1, back=0.97),
+    mi.continue_solution(sticking, "f", stop=0.97),
 ]
 for branch in branches[1:3]:
     print(branch.special_table[["label", "f"]])

@@ -63,11 +63,11 @@ mi.plot_orbit(five).figure.savefig("impact_oscillator_orbit.png")
 # doubles (PD); the unstable orbits continue to the grazing, where all of them begin.
 
 silent = mi.find_orbit(oscillator.changed(A=21.5), transient=100)
-branches = [mi.continue_orbit(silent, "A", stop=22.5, back=21.5)]
+branches = [mi.continue_solution(silent, "A", stop=22.5, back=21.5)]
 for periods, A in ((4, 27.0), (5, 24.8), (6, 22.88)):
     settled = mi.simulate(oscillator.changed(A=A), periods=300)
     orbit = mi.find_orbit(settled, periods=periods)
-    branches.append(mi.continue_orbit(orbit, "A", stop=22.29))
+    branches.append(mi.continue_solution(orbit, "A", stop=22.29))
     print(periods, branches[-1].special_table[["label", "A", "impact speed"]])
 
 sweep = mi.sweep(oscillator, "A", np.linspace(21.5, 27.0, 221), transient=100, periods=60)

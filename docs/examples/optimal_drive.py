@@ -73,7 +73,7 @@ with mi.style():
     for orbit, marker, color in ((paper, "o", "#00224e"), (best.orbit, "s", "#b3901f")):
         amplitude = orbit.system.value("amplitude")
         for stop in (0.46, 0.6):
-            table = mi.continue_orbit(orbit, "omega", stop).table
+            table = mi.continue_solution(orbit, "omega", stop).table
             speed = table["step"] * table["omega"] / np.pi  # the force has half the period of v
             for stable, line in ((True, "-"), (False, "--")):
                 part = speed.where((table["stable"] == stable) & (table["impacts"] == 1))
@@ -115,7 +115,7 @@ mi.plot_pareto(front).figure.savefig("optimal_drive_front.png", dpi=150)
 # Check
 # -----
 # The derivatives agree with differences of orbits. The best drive has the same speed in an ordinary
-# run, and no value of the sweeps is better. Its margin ends at the fold that ``continue_orbit``
+# run, and no value of the sweeps is better. Its margin ends at the fold that ``continue_solution``
 # locates.
 
 gradient = found.gradient("mean speed")
@@ -131,6 +131,6 @@ run = mi.simulate(zhao, mi.Sine(**best.values), 500, window=(300, 500), initial=
 assert abs(run.statistics["mean speed"] / best.value - 1) < 1e-6
 assert swept["mean speed"].max() < best.value * (1 + 1e-9)
 assert gain > 5
-fold = mi.continue_orbit(best.orbit, "omega", 0.6).special_points[0]
+fold = mi.continue_solution(best.orbit, "omega", 0.6).special_points[0]
 assert fold.label == "CF"
 assert abs(fold.value - up["at"]) < 1e-9

@@ -52,7 +52,7 @@ mi.plot_run(run).figure.savefig("relief_valve_run.png")
 # cycle with one impact is unstable; a period doubling makes it stable.
 
 (steady,) = mi.find_equilibria(valve)
-(hopf,) = mi.continue_equilibrium(steady, "q", stop=6.0).special_points
+(hopf,) = mi.continue_solution(steady, "q", stop=6.0).special_points
 cycles = mi.switch_branch(
     hopf, bounds=(6.0, 9.0), steps=mi.StepControl(max_step=0.3, max_points=900)
 )

@@ -49,9 +49,9 @@ resonance = math.sqrt(4.0 - c**2)  # twice the damped frequency nu
 # period doubling beyond the grazing. The curve of each point leads to the resonance.
 
 silent = mi.find_orbit(oscillator, transient=100)
-below = mi.continue_orbit(silent, "A", stop=3.0)
+below = mi.continue_solution(silent, "A", stop=3.0)
 silent = mi.find_orbit(oscillator.changed(omega=2.03), transient=100)
-above = mi.continue_orbit(silent, "A", stop=3.4)
+above = mi.continue_solution(silent, "A", stop=3.4)
 for branch in (below, above):
     print(branch.special_table[["label", "A", "impact speed"]])
 

@@ -94,10 +94,10 @@ mi.plot_orbit(tilted).figure.savefig("rocking_block_orbit.png")
 # the branch point into its mirror image. Dots are brute force.
 
 branches = [
-    mi.continue_orbit(gentle, "beta", stop=0.1, back=0.95),
-    mi.continue_orbit(gentle, "beta", stop=7.0),
-    mi.continue_orbit(tilted, "beta", stop=4.5, back=7.0),
-    mi.continue_orbit(tilted, "beta", stop=7.0),
+    mi.continue_solution(gentle, "beta", stop=0.1, back=0.95),
+    mi.continue_solution(gentle, "beta", stop=7.0),
+    mi.continue_solution(tilted, "beta", stop=4.5, back=7.0),
+    mi.continue_solution(tilted, "beta", stop=7.0),
 ]
 for branch in branches:
     print(branch)

@@ -52,7 +52,7 @@ mi.plot_run(run, first=16, states=["x", "v"]).figure.savefig("sliding_bifurcatio
 # runs.
 
 steps = mi.StepControl(max_points=400)
-branch = mi.continue_orbit(mi.find_orbit(block, transient=200), "B", stop=2.0, steps=steps)
+branch = mi.continue_solution(mi.find_orbit(block, transient=200), "B", stop=2.0, steps=steps)
 print(branch.special_table[["type", "kind", "B"]])
 dots = mi.sweep(block, "B", np.linspace(0.1, 2.0, 96), transient=200, periods=4)
 axes = mi.plot_branch(branch, sweep=dots)
@@ -60,13 +60,13 @@ axes.figure.savefig("sliding_bifurcations_branch.png")
 
 # %%
 # Orbits before, at and after each point, in the plane of load and speed near the boundary of the
-# sliding region (thick). ``sliding_type`` gives the modes in which an orbit arrives and departs,
+# sliding region (thick). ``type`` gives the modes in which an orbit arrives and departs,
 # and the derivatives of the speed along the tangent field: positive at visible tangencies (CS, GS),
 # negative at an invisible one (SS), zero at a cubic one (AS).
 
 first = {}
 for special in branch.special_points:
-    first.setdefault(special.sliding_type, special)
+    first.setdefault(special.type, special)
 first["adding-sliding"] = branch.special_points[4]  # the one at which a slip appears
 WINDOWS = {  # distances in B on both sides, half-widths in r and v
     "grazing-sliding": (0.01, 0.02, 0.25, 0.04),
@@ -79,7 +79,7 @@ with mi.style():
     panels = figure.subplots(4, 3)
 for row, (name, (below, above, wide, high)) in zip(panels, WINDOWS.items(), strict=True):
     special = first[name]
-    found = special.sliding_type
+    found = special.type
     print(f"{found:18} {found.modes}, {found.tangency}: {found.second:.6f}, {found.third:.6f}")
     values = (special.value - below, special.value, special.value + above)
     for panel, value in zip(row, values, strict=True):

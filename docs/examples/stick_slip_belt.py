@@ -69,7 +69,7 @@ mi.plot_orbit(cycle).figure.savefig("stick_slip_belt_orbit.png")
 # The branch shows the smallest deflection, up to the largest belt speed that the mass can reach
 # ("sticks"). Brute force is one run per value.
 
-branches = [mi.continue_orbit(cycle, "V", stop=stop) for stop in (0.02, 0.6)]
+branches = [mi.continue_solution(cycle, "V", stop=stop) for stop in (0.02, 0.6)]
 print(branches[1].special_table[["label", "V"]], branches[1].ended)
 dots = []
 for V in np.linspace(0.02, 0.6, 59):

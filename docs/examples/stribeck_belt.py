@@ -75,7 +75,7 @@ mi.plot_orbit(squeal).figure.savefig("stribeck_belt_orbit.png")
 # large cycle.
 
 resting = mi.find_equilibria(belt.changed(V=0.7), guess={"x": 0.6})[0]
-rest = mi.continue_equilibrium(resting, "V", 0.1, steps=mi.StepControl(max_step=0.01))
+rest = mi.continue_solution(resting, "V", 0.1, steps=mi.StepControl(max_step=0.01))
 (hopf,) = rest.special_points
 born = mi.switch_branch(hopf, bounds=(0.1, 0.7))
 print(resting, rest, born, sep="\n")

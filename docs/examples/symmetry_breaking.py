@@ -80,7 +80,7 @@ figure.savefig("symmetry_breaking_orbit.png")
 # are images of each other.
 
 symmetric = mi.find_orbit(oscillator.changed(A=0.82), transient=200)
-branch = mi.continue_orbit(symmetric, "A", stop=0.53)
+branch = mi.continue_solution(symmetric, "A", stop=0.53)
 (fork,) = (special for special in branch.special_points if special.label == "BP")
 halves = mi.switch_branch(fork, bounds=(0.42, 0.82))
 print(branch, halves, halves.symmetry, sep="\n")

@@ -74,8 +74,8 @@ mi.plot_orbit(cycle, x="room", y="h").figure.savefig("thermostat_orbit.png")
 # The branch shows the heater's temperature as the room passes 20 degrees upwards. At -19 degrees
 # outside ("too warm") the room no longer reaches 21. Brute force is one run per value.
 
-colder = mi.continue_orbit(cycle, "outside", stop=-25.0, steps=mi.StepControl(max_points=500))
-warmer = mi.continue_orbit(cycle, "outside", stop=18.5, steps=mi.StepControl(max_step=0.5))
+colder = mi.continue_solution(cycle, "outside", stop=-25.0, steps=mi.StepControl(max_points=500))
+warmer = mi.continue_solution(cycle, "outside", stop=18.5, steps=mi.StepControl(max_step=0.5))
 (coldest,) = colder.special_points
 dots = []
 for outside in np.linspace(-25.0, 18.5, 88):

@@ -48,7 +48,7 @@ mi.plot_orbit(cycle).figure.savefig("van_der_pol_orbit.png")
 # %%
 # The branch shows the speed at :math:`x = 0`. Brute force is one run per value.
 
-branches = [mi.continue_orbit(cycle, "mu", stop=stop) for stop in (0.05, 6.0)]
+branches = [mi.continue_solution(cycle, "mu", stop=stop) for stop in (0.05, 6.0)]
 dots = []
 for mu in np.linspace(0.1, 6.0, 60):
     settled = mi.simulate(oscillator.changed(mu=mu), duration=150.0)

@@ -36,9 +36,9 @@ quiet = mi.find_orbit(oscillator, transient=200)
 # orbit with one impact, unstable at first, since the square root makes the largest multiplier unbounded at the
 # grazing. The orbit becomes stable at a period doubling (PD), far away.
 
-branch = mi.continue_orbit(quiet, "A", stop=0.6, back=0.3)
+branch = mi.continue_solution(quiet, "A", stop=0.6, back=0.3)
 grazing = branch.special_points[0]
-print(grazing.label, grazing.value, grazing.grazing_type)
+print(grazing.label, grazing.value, grazing.type)
 assert abs(grazing.value - math.hypot(1.0 - 0.8**2, 0.1 * 0.8)) < 1e-10
 
 # %%
@@ -53,7 +53,7 @@ mi.plot_branch(branch, sweep=dots).figure.savefig("grazing.png")
 # This oscillator is the demo ``impact`` of COCO (MATLAB). With larger amplitudes the orbit with one impact
 # grazes in turn, and continues with two.
 
-longer = mi.continue_orbit(quiet, "A", stop=3.0, back=0.1)
+longer = mi.continue_solution(quiet, "A", stop=3.0, back=0.1)
 print(longer.special_table[["label", "A", "impacts"]])
 assert [special.label for special in longer.special_points[:3]] == ["G", "PD", "G"]
 

@@ -14,7 +14,7 @@ import mems_impact as mi
 
 actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.29, omega=0.45)
 orbit = mi.find_orbit(actuator, drive, guess=mi.kicked_state(actuator), transient=300)
-branch = mi.continue_orbit(orbit, "amplitude", stop=0.22)
+branch = mi.continue_solution(orbit, "amplitude", stop=0.22)
 print(branch.special_table[["label", "amplitude", "impacts"]].to_string(index=False))
 
 # %%

@@ -3,7 +3,7 @@
 ================================================
 
 The walking device has a periodic orbit. ``find_orbit`` computes it, stable or unstable, and
-``continue_orbit`` continues it over the voltage. The branch explains the switching voltages.
+``continue_solution`` continues it over the voltage. The branch explains the switching voltages.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ mi.plot_orbit(orbit, x="x2", y="v2").figure.savefig("orbit_and_branch_orbit.png"
 # Towards lower voltages the branch folds back (CF), continues as an unstable orbit, and loses its
 # impact where the orbit grazes the stopper (G).
 
-branch = mi.continue_orbit(orbit, "amplitude", stop=0.16)
+branch = mi.continue_solution(orbit, "amplitude", stop=0.16)
 print(branch.special_table[["label", "amplitude"]].to_string(index=False))
 
 # %%

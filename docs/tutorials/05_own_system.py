@@ -62,11 +62,11 @@ except mi.FunctionError as error:
     print(error)
 
 # %%
-# ``continue_orbit`` continues the orbit over the amplitude of the forcing. Downwards the orbit doubles its
+# ``continue_solution`` continues the orbit over the amplitude of the forcing. Downwards the orbit doubles its
 # period (PD), and loses its impact in a grazing (G). The grazing has a closed form: the amplitude of the
 # linear oscillator equals the gap.
 
-branch = mi.continue_orbit(orbit, "A", stop=0.3, back=0.8)
+branch = mi.continue_solution(orbit, "A", stop=0.3, back=0.8)
 print(branch.special_table[["label", "A", "impacts"]].to_string(index=False))
 doubling, grazing = branch.special_points[0], branch.special_points[-1]
 assert (doubling.label, grazing.label) == ("PD", "G")

@@ -8,11 +8,10 @@ from typing import Any, Self
 
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
 from mems_impact.continuation.boundary_equilibrium import boundary_crossing
-from mems_impact.continuation.equilibrium_branch import BOUNDARY, EquilibriumEvent
-from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.continuation.branch import EquilibriumEvent
 from mems_impact.systems.base import HybridSystem
 
-__all__ = ["BoundaryType", "boundary_type", "type_of_boundary"]
+__all__ = ["BoundaryType", "boundary_type"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +38,7 @@ class BoundaryType(str):
 
     See Also
     --------
-    EquilibriumPoint, SlidingType
+    SpecialPoint, SlidingType
 
     Examples
     --------
@@ -51,8 +50,8 @@ class BoundaryType(str):
     ...     parts=[mi.SwitchingSurface("step", "x")],
     ... )
     >>> (low,) = mi.find_equilibria(kinked, modes=["below"])
-    >>> branch = mi.continue_equilibrium(low, "a", stop=1.0)
-    >>> found = branch.special_points[0].boundary_type
+    >>> branch = mi.continue_solution(low, "a", stop=1.0)
+    >>> found = branch.special_points[0].type
     >>> found == "persistence", found.modes, round(found.criterion, 9)
     (True, ('below', 'above'), 3.0)
     """
@@ -69,9 +68,7 @@ class BoundaryType(str):
 
 
 def boundary_type(system: HybridSystem, special: EquilibriumEvent, parameter: str) -> BoundaryType:
-    """Return the type of a point of a branch; see `EquilibriumPoint.boundary_type`."""
-    if special.kind != BOUNDARY:
-        raise InvalidParameter("kind", special.kind, "a boundary equilibrium")
+    """Return the type of a boundary equilibrium; see `SpecialPoint.type`."""
     crossing = boundary_crossing(special, parameter)
     guards, unit = system.automaton.guards, system.factor(parameter)
     first, second = (
@@ -81,18 +78,8 @@ def boundary_type(system: HybridSystem, special: EquilibriumEvent, parameter: st
     names = system.modes
     return BoundaryType(
         crossing.type,
-        modes=(names[special.equilibrium.mode], names[crossing.other.mode]),
+        modes=(names[special.solution.mode], names[crossing.other.mode]),
         other=equilibrium_of(system, crossing.other),
         slopes=(first, second),
         criterion=-first / second,
     )
-
-
-def type_of_boundary(special: EquilibriumEvent, parameter: str) -> str:
-    """Return the type of a boundary equilibrium, for tables; empty if it has none."""
-    if special.kind != BOUNDARY:
-        return ""
-    try:
-        return str(boundary_crossing(special, parameter).type)
-    except OrbitError:
-        return ""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 import numpy as np
 
@@ -14,49 +16,35 @@ from mems_impact import tables as orbit_tables
 from mems_impact._util.arrays import Floats
 from mems_impact._util.progress import parameter_progress
 from mems_impact._util.warning_scopes import warn
-from mems_impact.analysis.boundary_equilibrium_type import type_of_boundary
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
 from mems_impact.analysis.homoclinic import HomoclinicEnd
-from mems_impact.analysis.orbit import Orbit, orbit_of
-from mems_impact.analysis.sliding_type import type_of
+from mems_impact.analysis.orbit import Orbit
+from mems_impact.analysis.solution import S, Solution, branch_table, row, solution_of
 from mems_impact.analysis.special_points import (
-    BifurcationPoint,
     CodimensionTwo,
-    EquilibriumPoint,
     SpecialPoint,
     check_kind,
+    special_point,
 )
 from mems_impact.analysis.symmetry import Symmetry, symmetry_of_halves
-from mems_impact.analysis.user_test_functions import (
-    MEASURES,
-    EquilibriumFunction,
-    Events,
-    OrbitFunction,
-)
+from mems_impact.analysis.user_test_functions import EventFunction, Events
 from mems_impact.continuation.arclength import CLOSED, StepControl
-from mems_impact.continuation.branch_point_curve import BranchPointCurve
-from mems_impact.continuation.branch_switching import (
-    switch_at_branch_point,
-    switch_at_hopf,
-    switch_at_period_doubling,
-    switch_equilibrium,
-)
-from mems_impact.continuation.branching_equation import FirstPoint
-from mems_impact.continuation.codim1_curve import OrbitCurve, follow_curve
-from mems_impact.continuation.corners import corners
-from mems_impact.continuation.equilibrium_branch import (
-    EQUILIBRIUM_LABELS,
-    Equilibria,
-    follow_equilibrium,
-)
-from mems_impact.continuation.equilibrium_curve import (
+from mems_impact.continuation.branch import (
+    EquilibriumBranch,
     EquilibriumCurve,
-    EquilibriumCurveEvent,
-    follow_equilibrium_curve,
+    OrbitBranch,
+    OrbitCurve,
+    OrbitEvent,
 )
+from mems_impact.continuation.branch_point_curve import BranchPointCurve
+from mems_impact.continuation.branch_switching import switched_solution
+from mems_impact.continuation.branching_equation import FirstPoint
+from mems_impact.continuation.codim1_curve import follow_curve
+from mems_impact.continuation.corners import corners
+from mems_impact.continuation.equilibrium_branch import EQUILIBRIUM_LABELS, follow_equilibrium
+from mems_impact.continuation.equilibrium_curve import branch_event, follow_equilibrium_curve
 from mems_impact.continuation.homoclinic import homoclinic_value, leading
-from mems_impact.continuation.orbit_branch import OrbitBranch, follow
-from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.orbit_branch import follow
 from mems_impact.continuation.test_functions import (
     BRANCH_POINT,
     MEETING,
@@ -65,9 +53,8 @@ from mems_impact.continuation.test_functions import (
     kind_of,
 )
 from mems_impact.continuation.user_test_functions import FunctionTest
-from mems_impact.errors import DiscontinuityWarning, InvalidParameter
+from mems_impact.errors import DiscontinuityWarning, InvalidParameter, OrbitError
 from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
-from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import is_number
@@ -78,22 +65,22 @@ if TYPE_CHECKING:
 __all__ = [
     "Branch",
     "Curve",
-    "EquilibriumBranch",
     "continue_curve",
-    "continue_equilibrium",
-    "continue_orbit",
+    "continue_solution",
     "curve_of",
     "joined_branch",
     "switch_branch",
 ]
 
-# --- Branches of periodic orbits
+# --- Branches of solutions
 
 MIN_EXTRAPOLATED = 3  # cycles from which the homoclinic value is extrapolated
 BRANCH_STEPS = StepControl(max_step=0.02)  # so that a branch is smooth to the eye
+EQUILIBRIUM_STEPS = StepControl(max_step=0.2)
+PASSING_RATIO = 2.5  # of the step past a branch point, to the distance of its start
 
 
-class ContinuationResult(Result):
+class ContinuationResult(Result, Generic[S]):
     """Base class of results of continuation: a branch in one parameter, by default."""
 
     system: HybridSystem
@@ -105,10 +92,34 @@ class ContinuationResult(Result):
 
     _stored: ClassVar[tuple[str, ...]] = ("table", "special_table")
 
+    @cached_property
+    def solutions(self) -> tuple[S, ...]:
+        """All orbits or equilibria, in order along the branch or curve."""
+        # An orbit is integrated once for its tables, so the orbits of special points are the same.
+        special = {id(s.solution.numeric): s.solution for s in self.special_points}
+        return tuple(
+            special.get(id(point)) or solution_of(self.system, point)
+            for point in self.numeric.solutions
+        )
+
+    @property
+    def orbits(self) -> tuple[Orbit, ...]:
+        """All orbits, in order; AttributeError on a branch or curve of equilibria."""
+        if self.of != "orbits":
+            raise AttributeError(f"{self!r} consists of {self.of}: see its solutions")
+        return self.solutions  # type: ignore[return-value]
+
+    @property
+    def equilibria(self) -> tuple[Equilibrium, ...]:
+        """All equilibria, in order; AttributeError on a branch or curve of orbits."""
+        if self.of != "equilibria":
+            raise AttributeError(f"{self!r} consists of {self.of}: see its solutions")
+        return self.solutions  # type: ignore[return-value]
+
     @property
     def of(self) -> str:
-        """Noun for its points, in the plural."""
-        return "orbits"
+        """Noun for its solutions, in the plural."""
+        return str(self.numeric.noun)
 
     def __len__(self) -> int:
         return len(self.numeric.points)
@@ -128,6 +139,10 @@ class ContinuationResult(Result):
             "special points": self._special,
             "ended": self.ended,
         }
+
+    def _value(self, solution: Solution, parameter: str) -> float:
+        """Return the value of a parameter at a solution."""
+        return float(self.system.out(parameter, solution.numeric.family.values[parameter]))
 
     @property
     def _subject(self) -> str:
@@ -149,23 +164,9 @@ class ContinuationResult(Result):
         return ", ".join(f"{s.label} {s.value:.6g}" for s in self.special_points) or "none"
 
 
-def _orbits_of(result: Branch | Curve) -> tuple[Orbit, ...]:
-    """Return all orbits of a branch or curve; orbits of special points are the points' own.
-
-    An orbit is integrated once for its tables, so the same orbit must not appear as two objects.
-    """
-    if isinstance(result.numeric, EquilibriumCurve):
-        return ()
-    special = {id(s.orbit.numeric): s.orbit for s in result.special_points}
-    return tuple(
-        special.get(id(point.orbit)) or orbit_of(result.system, point.orbit)
-        for point in result.numeric.points
-    )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Branch(ContinuationResult):
-    """Branch of periodic orbits in one parameter.
+class Branch(ContinuationResult[S]):
+    """Branch of periodic orbits or equilibria in one parameter.
 
     Attributes
     ----------
@@ -181,7 +182,7 @@ class Branch(ContinuationResult):
 
     See Also
     --------
-    continue_orbit, plot_branch, SpecialPoint
+    continue_solution, plot_branch, SpecialPoint
 
     Examples
     --------
@@ -189,7 +190,7 @@ class Branch(ContinuationResult):
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> branch = mi.continue_solution(orbit, "amplitude", stop=0.17)
     >>> branch.special_table["label"].tolist()
     ['CF', 'G']
     >>> bool(branch.table["stable"].all())
@@ -199,45 +200,43 @@ class Branch(ContinuationResult):
     system: HybridSystem = field(repr=False)
     parameter: str
     bounds: tuple[float, float]
-    special_points: tuple[SpecialPoint, ...]
+    special_points: tuple[SpecialPoint[S], ...]
     ended: str
-    numeric: OrbitBranch = field(repr=False)
-
-    @cached_property
-    def orbits(self) -> tuple[Orbit, ...]:
-        """All orbits, in order along the branch."""
-        return _orbits_of(self)
+    numeric: OrbitBranch | EquilibriumBranch = field(repr=False)
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row per orbit, in order along the branch.
+        """One row per solution, in order along the branch.
 
-        Columns: the parameter, stable, admissible, piece (0, 1, …: a new one where an impact or
-        another event appears or disappears), the period of limit cycles, largest multiplier (its
-        absolute value; inf at a grazing impact), impacts and the largest impact speed over the
-        orbit, closest approach, observables, and the states at the upward crossings of the section,
-        or at the start of forcing periods, largest first: v2, v2 2, v2 3, …; for a cycle without a
-        section their largest values.
+        Columns of orbits: the parameter, stable, admissible, piece (0, 1, …: a new one where an
+        impact or another event appears or disappears), the period of limit cycles, largest
+        multiplier (its absolute value; inf at a grazing impact), impacts and the largest impact
+        speed over the orbit, closest approach, observables, and the states at the upward crossings
+        of the section, or at the start of forcing periods, largest first: v2, v2 2, v2 3, …; for a
+        cycle without a section their largest values. Columns of equilibria: the parameter, stable,
+        admissible, the largest real part of the eigenvalues, per unit of time, and the states.
         """
+        pieces: list[dict[str, int]] = [{}] * len(self)
+        if isinstance(self.numeric, OrbitBranch):
+            pieces = [{"piece": point.piece} for point in self.numeric.points]
         rows = [
-            {
-                "value": self.system.out(self.parameter, point.value),
-                **orbit_row(orbit, piece=point.piece),
-            }
-            for point, orbit in zip(self.numeric.points, self.orbits, strict=True)
+            {"value": self._value(solution, self.parameter), **row(solution, **piece)}
+            for solution, piece in zip(self.solutions, pieces, strict=True)
         ]
-        return orbit_tables.branch(self.parameter, rows, self.system)
+        table = orbit_tables.branch(self.parameter, rows, self.system)
+        return branch_table(table, self.system, equilibria=self.of == "equilibria")
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
         """One row per special point.
 
         Columns: label, the parameter, kind, criticality (see `NormalForm`), type (see
-        `SlidingType`), then those of `table` but for the piece.
+        `SpecialPoint`), then those of `table` but for the piece.
         """
-        rows = [{**_names(s), "value": s.value, **orbit_row(s.orbit)} for s in self.special_points]
-        like = self.table.drop(columns="piece")
-        return orbit_tables.special_points(self.parameter, rows, self.system, like)
+        rows = [{**_names(s), "value": s.value, **row(s.solution)} for s in self.special_points]
+        like = self.table.drop(columns="piece", errors="ignore")
+        table = orbit_tables.special_points(self.parameter, rows, self.system, like)
+        return branch_table(table, self.system, equilibria=self.of == "equilibria")
 
     @cached_property
     def symmetry(self) -> Symmetry | None:
@@ -245,35 +244,39 @@ class Branch(ContinuationResult):
 
         The halves meet at a branch point, a pitchfork, where the branch breaks the symmetry.
         """
-        points = [s.orbit for s in self.special_points if s.kind == BRANCH_POINT]
-        return symmetry_of_halves(points, self.orbits, lambda orbit: orbit.numeric.point)
+        points = [s.solution for s in self.special_points if s.kind == BRANCH_POINT]
+        return symmetry_of_halves(points, self.solutions)
 
     @cached_property
     def homoclinic(self) -> HomoclinicEnd | None:
         """The homoclinic orbit that the last limit cycle approaches, if the branch ends there."""
-        return _homoclinic_end(self.system, self.numeric)
+        numeric = self.numeric
+        return _homoclinic_end(self.system, numeric) if isinstance(numeric, OrbitBranch) else None
 
 
-def continue_orbit(
-    orbit: Orbit,
+def continue_solution(
+    solution: S,
     parameter: str,
     stop: float,
     *,
     back: float | str | None = None,
-    steps: StepControl = BRANCH_STEPS,
+    steps: StepControl | None = None,
     through_grazing: bool = True,
     events: Events | None = None,
     stop_at: str | Collection[str] = (),
     progress: bool | Callable[[float], None] = False,
-) -> Branch:
-    """Continue a periodic orbit, stable or unstable, in one parameter.
+) -> Branch[S]:
+    """Continue a periodic orbit or an equilibrium, stable or unstable, in one parameter.
 
-    Folds, grazings and period doublings of the branch are located and listed. Where the number of
-    unstable multipliers changes without such a point, an "unexplained" point is listed.
+    Folds, grazings and period doublings of orbits, folds, Hopf points and boundary equilibria, and
+    branch points are located and listed. Where the number of unstable multipliers or eigenvalues
+    changes without such a point, an "unexplained" point is listed. Beyond a guard an equilibrium is
+    virtual.
 
     Parameters
     ----------
-    orbit : Orbit
+    solution : Orbit or Equilibrium
+        An orbit, or an isolated equilibrium.
     parameter : str
         A parameter of the drive (``"amplitude"``, ``"omega"``, …), of the actuator or of the
         system.
@@ -282,13 +285,14 @@ def continue_orbit(
     back : float, optional
         Opposite bound, used if the branch folds back; by default the value at its start.
     steps : StepControl, optional
-        Step lengths, and the largest number of steps.
+        Step lengths, and the largest number of steps. By default steps of orbits are at most 0.02,
+        steps of equilibria 0.2.
     through_grazing : bool, optional
         Whether to continue at a grazing with the orbit that has one impact more or fewer. Otherwise
         the branch continues with orbits that penetrate the stopper or impact backwards, marked as
         inadmissible.
     events : mapping of str to callable or (str, float), optional
-        Further special points by name: the zeros of a function of the `Orbit`, or a column of the
+        Further special points by name: the zeros of a function of the solution, or a column of the
         branch's table with its value there, such as ``("impact speed", 0.3)``. The name is the kind
         and label of these points. A function returns NaN where it is undefined; a jump is no zero.
     stop_at : str or collection of str, optional
@@ -304,14 +308,15 @@ def continue_orbit(
     Raises
     ------
     InvalidParameter
-        If an argument is out of range, or the parameter cannot have the value `stop`.
+        If an argument is out of range, the parameter cannot have the value `stop`, or the
+        equilibrium belongs to a continuum.
     FunctionError
-        If a function of `events` raises, or returns no number, at the first orbit; a later failure
-        ends the branch.
+        If a function of `events` raises, or returns no number, at the first solution; a later
+        failure ends the branch.
 
     See Also
     --------
-    Branch, switch_branch, continue_curve, sweep
+    Branch, find_orbit, find_equilibria, switch_branch, continue_curve, sweep
 
     Examples
     --------
@@ -319,55 +324,87 @@ def continue_orbit(
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> branch = mi.continue_solution(orbit, "amplitude", stop=0.17)
     >>> [(special.label, round(special.value, 7)) for special in branch.special_points]
     [('CF', 0.1765154), ('G', 0.2271776)]
     >>> branch.ended
     'amplitude reached its bound'
     >>> events = {"weak": ("impact speed", 0.15)}
-    >>> weak = mi.continue_orbit(orbit, "amplitude", 0.23, events=events, stop_at="weak")
+    >>> weak = mi.continue_solution(orbit, "amplitude", 0.23, events=events, stop_at="weak")
     >>> [special.label for special in weak.special_points], weak.ended
     (['weak'], 'the branch stops at weak')
+
+    Equilibria:
+
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
+    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
+    >>> branch = mi.continue_solution(found, "a", stop=-0.2)
+    >>> [(point.label, round(point.value, 6) + 0.0) for point in branch.special_points]
+    [('BP', 0.0)]
     """
-    check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
-    system = orbit.system
+    kinds = "an Orbit or an Equilibrium, from find_orbit or find_equilibria"
+    check_kind(solution, "solution", Orbit | Equilibrium, kinds)
+    if isinstance(solution, Equilibrium) and solution.nullity:
+        raise InvalidParameter("solution", solution, "isolated, not one of a continuum")
+    system = solution.system
     stop, back = _ends(system, parameter, stop, back)
     bounds = check_bounds(system, parameter, stop, back)
-    tests = _orbit_tests(events, orbit, parameter)
-    stops = _orbit_stops(stop_at, system, tests)
-    direction = math.copysign(1.0, stop - system.value(parameter))
-    low, high = (system.into(parameter, bound) for bound in bounds)
+    followed = _follower(solution, parameter, bounds, through_grazing, events, stop_at, progress)
+    steps = steps or _steps(solution)
+    with followed as follow_side:
+        return follow_side(math.copysign(1.0, stop - system.value(parameter)), steps)
+
+
+def _steps(solution: Solution) -> StepControl:
+    return EQUILIBRIUM_STEPS if isinstance(solution, Equilibrium) else BRANCH_STEPS
+
+
+@contextmanager
+def _follower(
+    start: S,
+    parameter: str,
+    bounds: tuple[float, float],
+    through_grazing: bool,
+    events: Events | None,
+    stop_at: str | Collection[str],
+    progress: bool | Callable[[float], None],
+) -> Iterator[Callable[[float | Floats, StepControl], Branch[S]]]:
+    """Yield a function that continues `start` in a direction, with one display of progress."""
+    system = start.system
+    names: list[str] = []
+    if isinstance(start, Orbit):
+        labels, noun = ORBIT_LABELS, "orbits"
+        follow_start: Any = partial(follow, reconnecting=through_grazing)
+        guards = [each for each in system.automaton.guards if each.name != PLACEHOLDER_GUARD]
+        names = [MEETING, *(name for each in guards for name in (each.name, kind_of(each)))]
+    else:
+        labels, noun, follow_start = EQUILIBRIUM_LABELS, "equilibria", follow_equilibrium
+    kinds = {*labels, *labels.values(), *names}
+    tests = EventFunction.tests(events, start, parameter, kinds)
+    stops = _stops(stop_at, labels, [*names, *(test.kind for test in tests)])
     # The parameter at the start of the branch, to the last digit of the numerics.
-    begin = orbit.numeric.family.values[parameter]
-    with parameter_progress(
-        progress, system.label(parameter), "orbits", partial(system.out, parameter)
-    ) as report:
-        branch = follow(
-            orbit.numeric,
-            parameter,
-            low=min(low, begin),
-            high=max(high, begin),
-            direction=direction,
-            steps=steps,
-            reconnecting=through_grazing,
-            functions=tests,
-            stop_at=stops,
-            progress=report,
-        )
-    return _branch(system, branch, bounds)
+    begin = start.numeric.family.values[parameter]
+    low, high = (system.into(parameter, bound) for bound in bounds)
+    amount = partial(system.out, parameter)
+    with parameter_progress(progress, system.label(parameter), noun, amount) as report:
 
+        def followed(direction: float | Floats, steps: StepControl) -> Branch[S]:
+            branch = follow_start(
+                start.numeric,
+                parameter,
+                low=min(low, begin),
+                high=max(high, begin),
+                direction=direction,
+                steps=steps,
+                functions=tests,
+                stop_at=stops,
+                progress=report,
+            )
+            return _branch(system, branch, bounds)
 
-def _orbit_tests(events: Events | None, orbit: Orbit, parameter: str) -> tuple[FunctionTest, ...]:
-    guards = (each.name for each in orbit.system.automaton.guards)
-    kinds = {*ORBIT_LABELS, *ORBIT_LABELS.values(), *guards}
-    return OrbitFunction.tests(events, orbit, parameter, kinds)
-
-
-def _orbit_stops(
-    stop_at: str | Collection[str], system: HybridSystem, tests: Sequence[FunctionTest]
-) -> frozenset[str]:
-    guards = [kind_of(each) for each in system.automaton.guards if each.name != PLACEHOLDER_GUARD]
-    return _stops(stop_at, ORBIT_LABELS, [MEETING, *guards, *(test.kind for test in tests)])
+        yield followed
 
 
 def _stops(
@@ -385,9 +422,8 @@ def _stops(
     return frozenset(kinds[name] for name in names)
 
 
-@overload
 def switch_branch(
-    special: SpecialPoint,
+    special: SpecialPoint[Any],
     *,
     bounds: tuple[float, float] | None = None,
     steps: StepControl | None = None,
@@ -395,32 +431,7 @@ def switch_branch(
     events: Events | None = None,
     stop_at: str | Collection[str] = (),
     progress: bool | Callable[[float], None] = False,
-) -> Branch: ...
-
-
-@overload
-def switch_branch(
-    special: EquilibriumPoint,
-    *,
-    bounds: tuple[float, float] | None = None,
-    steps: StepControl | None = None,
-    through_grazing: bool = True,
-    events: Events | None = None,
-    stop_at: str | Collection[str] = (),
-    progress: bool | Callable[[float], None] = False,
-) -> Branch | EquilibriumBranch: ...
-
-
-def switch_branch(
-    special: SpecialPoint | EquilibriumPoint,
-    *,
-    bounds: tuple[float, float] | None = None,
-    steps: StepControl | None = None,
-    through_grazing: bool = True,
-    events: Events | None = None,
-    stop_at: str | Collection[str] = (),
-    progress: bool | Callable[[float], None] = False,
-) -> Branch | EquilibriumBranch:
+) -> Branch[Any]:
     """Switch to the branch that emanates from a period doubling, Hopf point or branch point.
 
     At a branch point, the branch that crosses is continued on both sides of the point: at a
@@ -428,25 +439,24 @@ def switch_branch(
 
     Parameters
     ----------
-    special : SpecialPoint or EquilibriumPoint
+    special : SpecialPoint
         A period doubling or branch point of a branch of orbits, or a Hopf point or branch point of
         a branch of equilibria.
     bounds : tuple of float, optional
         Smallest and largest value of the parameter; by default the values of the branch.
     steps : StepControl, optional
-        As for `continue_orbit`, or `continue_equilibrium`. The largest number of steps is for each
-        side.
+        As for `continue_solution`. The largest number of steps is for each side.
     through_grazing
-        As for `continue_orbit`.
+        As for `continue_solution`.
     events, stop_at
-        As for `continue_orbit`, or `continue_equilibrium`. A branch through a branch point ends at
-        the first such point on each side.
+        As for `continue_solution`. A branch through a branch point ends at the first such point on
+        each side.
     progress
-        As for `continue_orbit`.
+        As for `continue_solution`.
 
     Returns
     -------
-    Branch or EquilibriumBranch
+    Branch
         Equilibria at a branch point of equilibria; else orbits.
 
     Raises
@@ -458,7 +468,7 @@ def switch_branch(
 
     See Also
     --------
-    continue_orbit, continue_equilibrium, SpecialPoint
+    continue_solution, SpecialPoint
 
     Examples
     --------
@@ -466,7 +476,7 @@ def switch_branch(
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.29, omega=0.45)
     >>> orbit = mi.find_orbit(actuator, drive, guess=mi.kicked_state(actuator), transient=300)
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.25)
+    >>> branch = mi.continue_solution(orbit, "amplitude", stop=0.25)
     >>> (doubling,) = [special for special in branch.special_points if special.label == "PD"]
     >>> twice = mi.switch_branch(doubling, bounds=(0.26, 0.29))
     >>> twice.orbits[1].periods / orbit.periods
@@ -478,12 +488,12 @@ def switch_branch(
     ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
     >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": -1.0})
     >>> (rest,) = mi.find_equilibria(well, guess={"x": 0.0})
-    >>> (fork,) = mi.continue_equilibrium(rest, "a", stop=1.0).special_points
+    >>> (fork,) = mi.continue_solution(rest, "a", stop=1.0).special_points
     >>> halves = mi.switch_branch(fork)
     >>> [round(halves.equilibria[i].state.x, 6) for i in (0, -1)]
     [1.0, -1.0]
     """
-    check_kind(special, "special", SpecialPoint | EquilibriumPoint, "a special point of a branch")
+    check_kind(special, "special", SpecialPoint, "a special point of a branch")
     if special.label not in ("PD", "H", "BP"):
         allowed = "a period doubling, a Hopf point or a branch point"
         raise InvalidParameter("special", special.kind, allowed)
@@ -493,84 +503,20 @@ def switch_branch(
         location = _amount(system, parameter, special.value)
         allowed = f"smallest and largest value, with {location} between them"
         raise InvalidParameter("bounds", (low, high), allowed)
-    if special.kind != BRANCH_POINT:
-        if isinstance(special, EquilibriumPoint):
-            orbit, away = switch_at_hopf(special.equilibrium.numeric, parameter)
-        else:
-            orbit, away = switch_at_period_doubling(special.numeric.orbit, parameter)
-    elif isinstance(special, EquilibriumPoint):
-        chosen = steps or EQUILIBRIUM_STEPS
-        return _crossing_equilibria(special, (low, high), chosen, events, stop_at, progress)
-    else:
-        event = special.numeric
-        orbit, first = switch_at_branch_point(event.orbit, event.direction, parameter)
-    tests = _orbit_tests(events, orbit_of(system, orbit), parameter)
-    stops = _orbit_stops(stop_at, system, tests)
-    with parameter_progress(
-        progress, system.label(parameter), "orbits", partial(system.out, parameter)
-    ) as report:
-
-        def followed(side: float | Floats, steps: StepControl) -> Branch:
-            branch = follow(
-                orbit,
-                parameter,
-                low=system.into(parameter, low),
-                high=system.into(parameter, high),
-                direction=side,
-                steps=steps,
-                reconnecting=through_grazing,
-                functions=tests,
-                stop_at=stops,
-                progress=report,
-            )
-            return _branch(system, branch, (low, high))
-
-        steps = steps or BRANCH_STEPS
-        if special.kind != BRANCH_POINT:
-            return followed(away, steps)
-        return _both_sides(followed, first, steps)
-
-
-def _crossing_equilibria(
-    special: EquilibriumPoint,
-    bounds: tuple[float, float],
-    steps: StepControl,
-    events: Events | None,
-    stop_at: str | Collection[str],
-    progress: bool | Callable[[float], None],
-) -> EquilibriumBranch:
-    """Return the branch of equilibria that crosses at a branch point."""
-    parameter, system, event = special.parameter, special.system, special.numeric
-    equilibrium, first = switch_equilibrium(event.equilibrium, event.direction, parameter)
-    tests = _equilibrium_tests(events, equilibrium_of(system, equilibrium), parameter)
-    stops = _equilibrium_stops(stop_at, tests)
-    with parameter_progress(
-        progress, system.label(parameter), "equilibria", partial(system.out, parameter)
-    ) as report:
-
-        def followed(side: float, steps: StepControl) -> EquilibriumBranch:
-            branch = follow_equilibrium(
-                equilibrium,
-                parameter,
-                low=system.into(parameter, bounds[0]),
-                high=system.into(parameter, bounds[1]),
-                direction=side,
-                steps=steps,
-                functions=tests,
-                stop_at=stops,
-                progress=report,
-            )
-            return _equilibrium_branch(system, branch, bounds)
-
-        return _both_sides(followed, first, steps)
-
-
-B = TypeVar("B", "Branch", "EquilibriumBranch")
+    numeric, onward = switched_solution(special.numeric, parameter)
+    start = solution_of(system, numeric)
+    steps = steps or _steps(start)
+    with _follower(
+        start, parameter, (low, high), through_grazing, events, stop_at, progress
+    ) as followed:
+        if isinstance(onward, FirstPoint):
+            return _both_sides(followed, onward, steps)
+        return followed(onward, steps)
 
 
 def _both_sides(
-    followed: Callable[[float, StepControl], B], first: FirstPoint[Any], steps: StepControl
-) -> B:
+    followed: Callable[[float, StepControl], Branch[S]], first: FirstPoint[Any], steps: StepControl
+) -> Branch[S]:
     """Return the branch through a branch point, given its continuation to one side."""
     outward = followed(first.side, steps)
     if outward.ended.endswith(CLOSED):
@@ -580,7 +526,7 @@ def _both_sides(
     return joined_branch(outward, followed(-first.side, replace(steps, initial_step=initial)))
 
 
-def joined_branch(outward: B, inward: B) -> B:
+def joined_branch(outward: Branch[S], inward: Branch[S]) -> Branch[S]:
     """Return one branch of two that start at the same point in opposite directions."""
     ends = outward.ended, inward.ended
     ended = ends[0] if ends[0] == ends[1] else f"{ends[1]}; at its beginning, {ends[0]}"
@@ -588,36 +534,29 @@ def joined_branch(outward: B, inward: B) -> B:
         outward,
         special_points=(*outward.special_points[::-1], *inward.special_points),
         ended=ended,
-        numeric=outward.numeric.joined(inward.numeric),
+        numeric=outward.numeric.joined(inward.numeric),  # type: ignore[arg-type]
     )
 
 
-def _branch(system: HybridSystem, branch: OrbitBranch, bounds: tuple[float, float]) -> Branch:
-    parameter = branch.parameter
-    after = {
-        id(point.orbit): following.orbit
-        for point, following in zip(branch.points, branch.points[1:], strict=False)
-    }
+def _branch(
+    system: HybridSystem, branch: OrbitBranch | EquilibriumBranch, bounds: tuple[float, float]
+) -> Branch[Any]:
+    parameter, ended = branch.parameter, branch.ended
+    solutions = branch.solutions
+    after = {id(one): following for one, following in pairwise(solutions)}
     special = tuple(
-        SpecialPoint(
-            kind=s.kind,
-            label=s.label,
-            parameter=parameter,
-            value=system.out(parameter, s.value),
-            orbit=orbit_of(system, s.orbit),
-            bounds=bounds,
-            numeric=s,
-            next_orbit=after.get(id(s.orbit)),
-        )
-        for s in branch.special_points
+        special_point(system, parameter, event, bounds, after.get(id(event.solution)))
+        for event in branch.special_points
     )
-    warn_of_corners(system, branch)
+    if isinstance(branch, OrbitBranch):
+        warn_of_corners(system, branch)
+        ended = ended if branch.passage is None else _beyond_bounds(system, branch)
     return Branch(
         system=system,
         parameter=parameter,
         bounds=bounds,
         special_points=special,
-        ended=branch.ended if branch.passage is None else _beyond_bounds(system, branch),
+        ended=ended,
         numeric=branch,
     )
 
@@ -625,7 +564,7 @@ def _branch(system: HybridSystem, branch: OrbitBranch, bounds: tuple[float, floa
 def warn_of_corners(system: HybridSystem, branch: OrbitBranch) -> None:
     """Warn of each transition that is not smooth on a branch, which no test function shows."""
     guards, parameter, names = system.automaton.guards, branch.parameter, set()
-    for corner in corners([point.orbit for point in branch.points], parameter):
+    for corner in corners(branch.solutions, parameter):
         is_switch = corner.code == system.automaton.switch_code
         name = "switch_transition" if is_switch else (
             f"the transition of {guards[corner.code % len(guards)].name!r}")  # fmt: skip
@@ -675,7 +614,7 @@ def _homoclinic_end(system: HybridSystem, branch: OrbitBranch) -> HomoclinicEnd 
     if passage is None or saddle is None or pair is None or len(branch.points) < MIN_EXTRAPOLATED:
         return None
     values = np.array([system.out(branch.parameter, point.value) for point in branch.points])
-    periods = np.array([point.orbit.point.period for point in branch.points])
+    periods = np.array([point.solution.point.period for point in branch.points])
     rate = min(abs(float(each[0].real)) for each in pair)
     value, error = homoclinic_value(values, periods / passage.passages, rate)
     return HomoclinicEnd(
@@ -686,34 +625,17 @@ def _homoclinic_end(system: HybridSystem, branch: OrbitBranch) -> HomoclinicEnd 
     )
 
 
-def _names(special: BifurcationPoint) -> dict[str, str]:
+def _names(special: SpecialPoint[Any]) -> dict[str, str]:
     """Return the name of a special point, for its row in tables."""
-    names, kind = ("label", "kind", "criticality"), ""
-    if isinstance(special, SpecialPoint):
-        kind = type_of(special.numeric)
-    elif isinstance(special, EquilibriumPoint):
-        kind = type_of_boundary(special.numeric, special.parameter)
-    return {**{name: getattr(special, name) for name in names}, "type": kind}
+    names = ("label", "kind", "criticality")
+    return {**{name: getattr(special, name) for name in names}, "type": _type_name(special)}
 
 
-def orbit_row(orbit: Orbit, **leading: int) -> dict[str, Any]:
-    """Return the row of an orbit in tables; `leading` are its first columns."""
-    solution = orbit.numeric
-    first = {
-        "stable": solution.stable,
-        "admissible": solution.admissible,
-        **leading,
-        **({} if orbit.system.forced else {"period": orbit.period}),
-    }
-    measures = {
-        "largest multiplier": MEASURES["largest multiplier"](orbit),
-        "impacts": len(orbit.impact_speeds),
-        "impact speed": MEASURES["impact speed"](orbit),
-        "closest approach": MEASURES["closest approach"](orbit),
-        **orbit.observables,  # a user's "impact speed" replaces that of all impacts
-        "states": orbit.shown_states,
-    }
-    return orbit_tables.merged_columns(first, measures)
+def _type_name(special: SpecialPoint[Any]) -> str:
+    try:
+        return str(special.type or "")
+    except OrbitError:
+        return ""
 
 
 def no_orbits(parameter: str, system: HybridSystem) -> pd.DataFrame:
@@ -791,7 +713,7 @@ def check_value(system: HybridSystem, parameter: str, field: str, value: Any) ->
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Curve(ContinuationResult):
+class Curve(ContinuationResult[S]):
     """Curve of a special point in two parameters.
 
     Attributes
@@ -815,7 +737,7 @@ class Curve(ContinuationResult):
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> branch = mi.continue_solution(orbit, "amplitude", stop=0.17)
     >>> curve = mi.continue_curve(branch.special_points[0], "omega", stop=0.51)
     >>> list(curve.table.columns[:2]), curve.ended
     (['omega', 'amplitude'], 'omega reached its bound')
@@ -825,48 +747,23 @@ class Curve(ContinuationResult):
     kind: str
     label: str
     parameters: tuple[str, str]
-    special_points: tuple[CodimensionTwo, ...]
+    special_points: tuple[CodimensionTwo[S], ...]
     ended: str
     numeric: OrbitCurve | EquilibriumCurve = field(repr=False)
 
-    @property
-    def of(self) -> str:
-        """Noun for its points, in the plural."""
-        return "equilibria" if isinstance(self.numeric, EquilibriumCurve) else "orbits"
-
     @cached_property
-    def orbits(self) -> tuple[Orbit, ...]:
-        """All orbits, in order along the curve; empty for a curve of equilibria."""
-        return _orbits_of(self)
-
-    @cached_property
-    def equilibria(self) -> tuple[Equilibrium, ...]:
-        """All equilibria, in order along the curve; empty for a curve of orbits."""
-        if not isinstance(self.numeric, EquilibriumCurve):
-            return ()
-        return tuple(equilibrium_of(self.system, point) for point in self.numeric.points)
-
-    @cached_property
-    def points(self) -> tuple[EquilibriumPoint, ...]:
+    def points(self) -> tuple[SpecialPoint[Equilibrium], ...]:
         """The special points along a curve of equilibria, in the form of the points of a branch.
 
         Their parameter is the first one; the second one has its value on the curve. `switch_branch`
         takes those of a Hopf curve. Empty for a curve of orbits.
         """
-        if not isinstance(self.numeric, EquilibriumCurve):
+        numeric, parameter = self.numeric, self.parameters[0]
+        if not isinstance(numeric, EquilibriumCurve):
             return ()
-        parameter, (low, high) = self.parameters[0], self.numeric.bounds
+        low, high = (float(self.system.out(parameter, bound)) for bound in numeric.bounds)
         return tuple(
-            EquilibriumPoint(
-                kind=self.kind,
-                label=self.label,
-                guard=self.numeric.guard,
-                parameter=parameter,
-                value=each.system.value(parameter),
-                equilibrium=each,
-                bounds=(self.system.out(parameter, low), self.system.out(parameter, high)),
-                numeric=self.numeric.event(each.numeric),
-            )
+            special_point(each.system, parameter, branch_event(numeric, each.numeric), (low, high))
             for each in self.equilibria
         )
 
@@ -891,53 +788,29 @@ class Curve(ContinuationResult):
     def table(self) -> pd.DataFrame:
         """One row per point: the second parameter, the first, and the columns of a branch's table.
 
-        The columns are as in `Branch.table`, or `EquilibriumBranch.table`.
+        The columns are as in `Branch.table`.
         """
         first, second = self.parameters
-        if isinstance(self.numeric, EquilibriumCurve):
-            rows = [
-                {
-                    "values": [
-                        self.system.out(name, state.family.values[name]) for name in (second, first)
-                    ],
-                    **_measures(self.system, state),
-                }
-                for state in self.numeric.points
-            ]
-            return _captioned(orbit_tables.curve([second, first], rows, self.system), self.system)
         rows = [
-            {
-                "values": [
-                    self.system.out(second, point.values[1]),
-                    self.system.out(first, point.values[0]),
-                ],
-                **orbit_row(orbit),
-            }
-            for point, orbit in zip(self.numeric.points, self.orbits, strict=True)
+            {"values": [self._value(each, second), self._value(each, first)], **row(each)}
+            for each in self.solutions
         ]
-        return orbit_tables.curve([second, first], rows, self.system)
+        table = orbit_tables.curve([second, first], rows, self.system)
+        return branch_table(table, self.system, equilibria=self.of == "equilibria")
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
         """One row per point of codimension two."""
         first, second = self.parameters
         rows = [
-            {
-                "kind": s.kind,
-                "values": [s.values[second], s.values[first]],
-                **(
-                    orbit_row(s.solution)
-                    if isinstance(s.solution, Orbit)
-                    else _measures(self.system, s.solution.numeric)
-                ),
-            }
+            {"kind": s.kind, "values": [s.values[second], s.values[first]], **row(s.solution)}
             for s in self.special_points
         ]
         return orbit_tables.codimension_two([second, first], rows, self.system, self.table)
 
 
 def continue_curve(
-    special: SpecialPoint | EquilibriumPoint | Orbit,
+    special: SpecialPoint[Any] | Orbit,
     parameter: str,
     stop: float,
     *,
@@ -946,7 +819,7 @@ def continue_curve(
     back: float | None = None,
     steps: StepControl = StepControl(),  # noqa: B008 - immutable
     progress: bool | Callable[[float], None] = False,
-) -> Curve:
+) -> Curve[Any]:
     """Continue a special point of a branch in two parameters.
 
     Points of codimension two on the curve are located and listed. A curve of Neimark-Sacker points
@@ -957,10 +830,10 @@ def continue_curve(
 
     Parameters
     ----------
-    special : SpecialPoint, EquilibriumPoint or Orbit
+    special : SpecialPoint or Orbit
         A grazing, fold, period doubling, Neimark-Sacker or branch point, an onset of complete
         chatter (to some 1e-7), a point at which another guard is touched, or an event of
-        `continue_orbit`. A fold, Hopf point or boundary equilibrium of a branch of equilibria.
+        `continue_solution`. A fold, Hopf point or boundary equilibrium of a branch of equilibria.
         An orbit is continued with a quantity `fixed` at its value.
     parameter : str
         The second parameter; the first is the parameter of the branch.
@@ -974,7 +847,7 @@ def continue_curve(
     back : float, optional
         Opposite bound, used if the curve folds back; by default the value at its start.
     steps, progress
-        As for `continue_orbit`.
+        As for `continue_solution`.
 
     Returns
     -------
@@ -990,7 +863,7 @@ def continue_curve(
 
     See Also
     --------
-    Curve, continue_orbit, plot_curve, operating_chart
+    Curve, continue_solution, plot_curve, operating_chart
 
     Examples
     --------
@@ -998,7 +871,7 @@ def continue_curve(
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> branch = mi.continue_solution(orbit, "amplitude", stop=0.17)
     >>> fold = branch.special_points[0]
     >>> curve = mi.continue_curve(fold, "omega", stop=0.51)
     >>> curve.kind, curve.parameters
@@ -1010,8 +883,7 @@ def continue_curve(
     >>> bool(abs(curve.table["impact speed"] - max(orbit.impact_speeds)).max() < 1e-9)
     True
     """
-    kinds = SpecialPoint | EquilibriumPoint | Orbit
-    check_kind(special, "special", kinds, "a special point of a branch, or an Orbit")
+    check_kind(special, "special", SpecialPoint | Orbit, "a special point of a branch, or an Orbit")
     system, start = special.system, None
     if isinstance(special, Orbit):
         first, start = _at_level(special, fixed, free)
@@ -1021,7 +893,7 @@ def continue_curve(
             field, value = ("free", free) if fixed is None else ("fixed", fixed)
             raise InvalidParameter(field, value, "omitted, except for an Orbit")
         first, kind = special.parameter, special.kind
-        if isinstance(special, SpecialPoint):
+        if isinstance(special.solution, Orbit):
             start = special.without_impact
     if parameter == first:
         raise InvalidParameter(
@@ -1033,18 +905,17 @@ def continue_curve(
     bounds = check_bounds(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
     low, high = (system.into(parameter, bound) for bound in bounds)
-    noun = "equilibria" if isinstance(special, EquilibriumPoint) else "orbits"
+    noun = "equilibria" if start is None else "orbits"
     with parameter_progress(
         progress, system.label(parameter), noun, partial(system.out, parameter)
     ) as report:
-        if isinstance(special, EquilibriumPoint):
+        if start is None:
+            assert isinstance(special, SpecialPoint)
+            lowest, highest = (system.into(first, bound) for bound in special.bounds)
             found: OrbitCurve | EquilibriumCurve = follow_equilibrium_curve(
                 special.equilibrium.numeric,
                 EquilibriumCurve(
-                    kind,
-                    special.guard,
-                    (first, parameter),
-                    (system.into(first, special.bounds[0]), system.into(first, special.bounds[1])),
+                    kind, (first, parameter), bounds=(lowest, highest), guard=special.guard
                 ),
                 low=low,
                 high=high,
@@ -1053,7 +924,6 @@ def continue_curve(
                 progress=report,
             )
         else:
-            assert start is not None
             found = follow_curve(
                 start,
                 first,
@@ -1070,7 +940,7 @@ def continue_curve(
 
 def _at_level(
     orbit: Orbit, fixed: str | Callable[[Orbit], float] | None, free: str | None
-) -> tuple[str, BranchEvent]:
+) -> tuple[str, OrbitEvent]:
     """Return the free parameter, and an orbit as a point at which a quantity has its value."""
     if not isinstance(free, str):
         raise InvalidParameter("free", free, "a parameter that keeps the quantity constant")
@@ -1080,7 +950,7 @@ def _at_level(
         raise InvalidParameter("fixed", fixed, allowed)
     name = fixed if isinstance(fixed, str) else getattr(fixed, "__name__", "quantity")
     column, function = (fixed, None) if isinstance(fixed, str) else ("", fixed)
-    quantity = OrbitFunction(name, orbit.system, free, column, 0.0, function)
+    quantity = EventFunction(name, orbit.system, free, column, 0.0, function)
     if column:
         quantity.check_column(orbit, "fixed")
     level = quantity.of(orbit)
@@ -1088,10 +958,10 @@ def _at_level(
         raise InvalidParameter("fixed", name, f"a quantity of this orbit, where it is {level}")
     test = FunctionTest(f"{name} = {level:.6g}", replace(quantity, level=level))
     value, still = orbit.numeric.family.values[free], np.zeros(0)
-    return free, BranchEvent(test.kind, test.kind, value, orbit.numeric, still, test)
+    return free, OrbitEvent(test.kind, test.kind, value, orbit.numeric, still, test)
 
 
-def curve_of(system: HybridSystem, curve: OrbitCurve | EquilibriumCurve) -> Curve:
+def curve_of(system: HybridSystem, curve: OrbitCurve | EquilibriumCurve) -> Curve[Any]:
     """Return a curve of `continuation` as a `Curve` in the system's units."""
     special = tuple(
         CodimensionTwo(
@@ -1100,9 +970,7 @@ def curve_of(system: HybridSystem, curve: OrbitCurve | EquilibriumCurve) -> Curv
                 name: system.out(name, value)
                 for name, value in zip(curve.parameters, s.values, strict=True)
             },
-            solution=equilibrium_of(system, s.equilibrium)
-            if isinstance(s, EquilibriumCurveEvent)
-            else orbit_of(system, s.orbit),
+            solution=solution_of(system, s.solution),
         )
         for s in curve.special_points
     )
@@ -1116,254 +984,3 @@ def curve_of(system: HybridSystem, curve: OrbitCurve | EquilibriumCurve) -> Curv
         ended=curve.ended,
         numeric=curve,
     )
-
-
-# --- Branches of equilibria
-
-EQUILIBRIUM_STEPS = StepControl(max_step=0.2)
-PASSING_RATIO = 2.5  # of the step past a branch point, to the distance of its start
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class EquilibriumBranch(ContinuationResult):
-    """Branch of equilibria in one parameter.
-
-    Attributes
-    ----------
-    system : System
-        The system at the start of the branch.
-    parameter : str
-    bounds : tuple of float
-        Smallest and largest value of the parameter.
-    special_points : tuple of EquilibriumPoint
-        In the order in which the branch passes them.
-    ended : str
-        Why the branch ends.
-
-    See Also
-    --------
-    continue_equilibrium, plot_branch
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> def duffing(mode, t, y, p):
-    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
-    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
-    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
-    >>> branch = mi.continue_equilibrium(found, "a", stop=-0.2)
-    >>> [(point.label, round(point.value, 6) + 0.0) for point in branch.special_points]
-    [('BP', 0.0)]
-    """
-
-    system: HybridSystem = field(repr=False)
-    parameter: str
-    bounds: tuple[float, float]
-    special_points: tuple[EquilibriumPoint, ...]
-    ended: str
-    numeric: Equilibria = field(repr=False)
-
-    @property
-    def of(self) -> str:
-        """Noun for its points, in the plural."""
-        return "equilibria"
-
-    @cached_property
-    def equilibria(self) -> tuple[Equilibrium, ...]:
-        """All equilibria, in order along the branch."""
-        return tuple(equilibrium_of(self.system, point) for point in self.numeric.points)
-
-    @cached_property
-    def symmetry(self) -> Symmetry | None:
-        """The symmetry that maps each half of the branch to the other; else None.
-
-        The halves meet at a branch point, a pitchfork, where the branch breaks the symmetry.
-        """
-        points = [s.equilibrium for s in self.special_points if s.kind == BRANCH_POINT]
-        return symmetry_of_halves(points, self.equilibria, lambda each: each.numeric.balance)
-
-    @cached_property
-    def table(self) -> pd.DataFrame:
-        """One row per equilibrium: the parameter, stable, admissible, largest real part, states.
-
-        The largest real part of its eigenvalues is per unit of time.
-        """
-        rows = [
-            {"value": self._value(state), **_measures(self.system, state)}
-            for state in self.numeric.points
-        ]
-        return _captioned(orbit_tables.branch(self.parameter, rows, self.system), self.system)
-
-    @cached_property
-    def special_table(self) -> pd.DataFrame:
-        """One row per special point.
-
-        Columns: label, the parameter, kind, criticality (see `NormalForm`), type (see
-        `BoundaryType`), then those of `table`.
-        """
-        rows = [
-            {
-                **_names(s),
-                "value": s.value,
-                **_measures(self.system, s.equilibrium.numeric),
-            }
-            for s in self.special_points
-        ]
-        table = orbit_tables.special_points(self.parameter, rows, self.system, self.table)
-        return _captioned(table, self.system)
-
-    def _value(self, state: EquilibriumState) -> float:
-        return self.system.out(self.parameter, state.family.values[self.parameter])
-
-
-def continue_equilibrium(
-    equilibrium: Equilibrium,
-    parameter: str,
-    stop: float,
-    *,
-    back: float | None = None,
-    steps: StepControl = EQUILIBRIUM_STEPS,
-    events: Events | None = None,
-    stop_at: str | Collection[str] = (),
-    progress: bool | Callable[[float], None] = False,
-) -> EquilibriumBranch:
-    """Continue an equilibrium, stable or unstable, in one parameter.
-
-    The branch passes folds. Folds, Hopf points, branch points and boundary equilibria are located
-    and listed. Where the number of unstable eigenvalues changes without such a point, an
-    "unexplained" point is listed. Beyond a guard the equilibrium is virtual.
-
-    Parameters
-    ----------
-    equilibrium : Equilibrium
-        An isolated equilibrium, from `find_equilibria`.
-    parameter : str
-    stop : float
-        Value towards which the branch starts, and its bound.
-    back : float, optional
-        Opposite bound, used if the branch folds back; by default the value at its start.
-    steps : StepControl, optional
-        Step lengths, and the largest number of steps.
-    events : mapping of str to callable or (str, float), optional
-        Further special points, as for `continue_orbit`; functions of the `Equilibrium`.
-    stop_at : str or collection of str, optional
-        Labels or kinds of special points, events included: the branch ends at the first such point.
-    progress : bool or callable, optional
-        True: show a counter after a second. A function is called with each value of the parameter.
-
-    Returns
-    -------
-    EquilibriumBranch
-        ``ended`` holds the reason of its end.
-
-    Raises
-    ------
-    InvalidParameter
-        If an argument is out of range, or the equilibrium belongs to a continuum.
-    FunctionError
-        If a function of `events` raises, or returns no number, at the first equilibrium.
-
-    See Also
-    --------
-    find_equilibria, EquilibriumBranch, switch_branch
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> def duffing(mode, t, y, p):
-    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
-    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
-    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
-    >>> branch = mi.continue_equilibrium(found, "a", stop=0.2)
-    >>> branch.ended
-    'a reached its bound'
-    """
-    check_kind(equilibrium, "equilibrium", Equilibrium, "an Equilibrium, from find_equilibria")
-    system = equilibrium.system
-    if equilibrium.nullity:
-        raise InvalidParameter("equilibrium", equilibrium, "isolated, not one of a continuum")
-    stop, back = _ends(system, parameter, stop, back)
-    bounds = check_bounds(system, parameter, stop, back)
-    tests = _equilibrium_tests(events, equilibrium, parameter)
-    stops = _equilibrium_stops(stop_at, tests)
-    low, high = (system.into(parameter, bound) for bound in bounds)
-    begin = equilibrium.numeric.family.values[parameter]
-    with parameter_progress(
-        progress, system.label(parameter), "equilibria", partial(system.out, parameter)
-    ) as report:
-        found = follow_equilibrium(
-            equilibrium.numeric,
-            parameter,
-            low=min(low, begin),
-            high=max(high, begin),
-            direction=math.copysign(1.0, stop - system.value(parameter)),
-            steps=steps,
-            functions=tests,
-            stop_at=stops,
-            progress=report,
-        )
-    return _equilibrium_branch(system, found, bounds)
-
-
-def _equilibrium_tests(
-    events: Events | None, equilibrium: Equilibrium, parameter: str
-) -> tuple[FunctionTest, ...]:
-    kinds = {*EQUILIBRIUM_LABELS, *EQUILIBRIUM_LABELS.values()}
-    return EquilibriumFunction.tests(events, equilibrium, parameter, kinds)
-
-
-def _equilibrium_stops(
-    stop_at: str | Collection[str], tests: Sequence[FunctionTest]
-) -> frozenset[str]:
-    return _stops(stop_at, EQUILIBRIUM_LABELS, [test.kind for test in tests])
-
-
-def _equilibrium_branch(
-    system: HybridSystem, branch: Equilibria, bounds: tuple[float, float]
-) -> EquilibriumBranch:
-    parameter = branch.parameter
-    special = tuple(
-        EquilibriumPoint(
-            kind=s.kind,
-            label=s.label,
-            guard=s.guard,
-            parameter=parameter,
-            value=system.out(parameter, s.value),
-            equilibrium=equilibrium_of(system, s.equilibrium),
-            bounds=bounds,
-            numeric=s,
-        )
-        for s in branch.special_points
-    )
-    return EquilibriumBranch(
-        system=system,
-        parameter=parameter,
-        bounds=bounds,
-        special_points=special,
-        ended=branch.ended,
-        numeric=branch,
-    )
-
-
-def _measures(system: HybridSystem, state: EquilibriumState) -> dict[str, Any]:
-    """Return the row of an equilibrium in tables."""
-    y, cyclic = state.state, system.automaton.cyclic
-    largest = max(state.eigenvalues.real.tolist(), default=math.nan)
-    return {
-        "stable": state.stable,
-        "admissible": state.admissible,
-        "largest real part": largest / system.out("time", 1.0),
-        "states": {
-            name: np.array([system.out(name, y[i])])
-            for i, name in enumerate(system.states)
-            if i not in cyclic
-        },
-    }
-
-
-def _captioned(table: pd.DataFrame, system: HybridSystem) -> pd.DataFrame:
-    """Mark for figures that the states belong to equilibria, not to a section."""
-    cyclic = {system.states[i] for i in system.automaton.cyclic}
-    table.attrs["states"] = [name for name in system.states if name not in cyclic]
-    table.attrs["equilibria"] = True
-    return table

@@ -39,7 +39,7 @@ class Equilibrium(Result):
 
     See Also
     --------
-    find_equilibria, continue_equilibrium
+    find_equilibria, continue_solution
 
     Examples
     --------
@@ -179,7 +179,7 @@ def find_equilibria(
 
     See Also
     --------
-    Equilibrium, continue_equilibrium
+    Equilibrium, continue_solution
 
     Examples
     --------

@@ -29,7 +29,7 @@ class HomoclinicEnd(Result):
 
     See Also
     --------
-    Branch, continue_orbit, Equilibrium
+    Branch, continue_solution, Equilibrium
 
     Notes
     -----
@@ -44,7 +44,7 @@ class HomoclinicEnd(Result):
     >>> system = mi.System(states=("x", "y"), flow=flow, parameters={"a": 0.2})
     >>> cycle = mi.find_orbit(system, guess={"x": 0.7, "y": 0.1}, transient=100.0)
     >>> steps = mi.StepControl(max_step=0.2)
-    >>> branch = mi.continue_orbit(cycle, "a", stop=-0.2, steps=steps)
+    >>> branch = mi.continue_solution(cycle, "a", stop=-0.2, steps=steps)
     >>> end = branch.homoclinic
     >>> abs(end.value) < 1e-6, round(end.saddle_quantity, 4), end.cycles
     (True, -2.0, 'one stable cycle')

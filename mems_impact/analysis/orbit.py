@@ -91,7 +91,7 @@ class Orbit(Result):
 
     See Also
     --------
-    find_orbit, continue_orbit, plot_orbit, sensitivity
+    find_orbit, continue_solution, plot_orbit, sensitivity
 
     Examples
     --------
@@ -545,7 +545,7 @@ def find_orbit(
 
     See Also
     --------
-    Orbit, continue_orbit, simulate, lyapunov
+    Orbit, continue_solution, simulate, lyapunov
 
     Examples
     --------

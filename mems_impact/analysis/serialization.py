@@ -20,14 +20,17 @@ from mems_impact.analysis import (
     verification,
 )
 from mems_impact.analysis import branch as curve
-from mems_impact.analysis import branch as equilibria
-from mems_impact.analysis.user_test_functions import EquilibriumFunction, OrbitFunction
-from mems_impact.continuation.codim1_curve import CurveEvent, CurvePoint, OrbitCurve
-from mems_impact.continuation.equilibrium_branch import Equilibria, EquilibriumEvent
-from mems_impact.continuation.equilibrium_curve import EquilibriumCurve, EquilibriumCurveEvent
+from mems_impact.analysis.user_test_functions import EventFunction
+from mems_impact.continuation.branch import (
+    BranchEvent,
+    BranchPoint,
+    CurveEvent,
+    EquilibriumBranch,
+    EquilibriumCurve,
+    OrbitBranch,
+    OrbitCurve,
+)
 from mems_impact.continuation.homoclinic import SlowPassage
-from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch
-from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import ORBIT_TESTS
 from mems_impact.continuation.user_test_functions import FunctionTest
 from mems_impact.hybrid.definition import Typical
@@ -127,12 +130,12 @@ KINDS: tuple[type, ...] = (
     settling.Settling, settling.SettlingRow,
     Options, HybridState, Events, Samples, Arc, Event, AdmissibilityViolation,
     ShootingEvaluation, ParameterPoint, Segment, Phase,
-    BranchPoint, OrbitBranch, SlowPassage, CurvePoint, OrbitCurve,
+    BranchPoint, OrbitBranch, SlowPassage, OrbitCurve,
     TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,
     special_points.CodimensionTwo, curve.Curve, verification.Verification, EquilibriumEvaluation,
-    EquilibriumState, Equilibria, EquilibriumEvent, EquilibriumCurve, EquilibriumCurveEvent,
+    EquilibriumState, EquilibriumBranch, EquilibriumCurve,
     equilibrium.Equilibrium,
-    special_points.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,
+    lyapunov.LyapunovSpectrum,
     manifold.Manifold, edge_state.EdgeState,
 )  # fmt: skip
 
@@ -149,8 +152,9 @@ def periodic_orbit(**parts: Any) -> PeriodicOrbit:
 register(PeriodicOrbit, constructor=periodic_orbit)
 for kind in (*KINDS, *ORBIT_TESTS, FunctionTest):
     register(kind)
-for kind in (OrbitFunction, EquilibriumFunction):  # without the function of the user
-    register(kind, parts=lambda each: {f.name: getattr(each, f.name) for f in fields(each)[:-1]})
+register(  # without the function of the user
+    EventFunction, parts=lambda each: {f.name: getattr(each, f.name) for f in fields(each)[:-1]}
+)
 register(BranchEvent)
 register(CurveEvent)
 register_object(Moments)

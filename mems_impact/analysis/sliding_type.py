@@ -6,15 +6,14 @@ import math
 from dataclasses import dataclass
 from typing import Any, Self
 
-from mems_impact.continuation.sliding import TYPE_LABELS, discontinuity, is_discontinuity
-from mems_impact.continuation.special_points import BranchEvent
-from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.continuation.branch import OrbitEvent
+from mems_impact.continuation.sliding import TYPE_LABELS, discontinuity
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State
 
-__all__ = ["SlidingType", "sliding_type", "type_of"]
+__all__ = ["SlidingType", "sliding_type"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +74,8 @@ class SlidingType(str):
     ...     states=("x", "y"), flow=flow, parameters={"mu": 0.8}, initial={"x": 0.5},
     ...     parts=[mi.SwitchingSurface("wall", "x", level=1.0)],
     ... )
-    >>> branch = mi.continue_orbit(mi.find_orbit(system, transient=50), "mu", stop=1.2)
-    >>> found = branch.special_points[0].sliding_type
+    >>> branch = mi.continue_solution(mi.find_orbit(system, transient=50), "mu", stop=1.2)
+    >>> found = branch.special_points[0].type
     >>> found.label, found.tangent, found.tangency, round(found.second, 6)
     ('GS', 'below', 'visible', 1.0)
     """
@@ -104,11 +103,8 @@ class SlidingType(str):
         return TYPE_LABELS[self.value]
 
 
-def sliding_type(system: HybridSystem, special: BranchEvent) -> SlidingType:
-    """Return the type of a point of a branch; see `SpecialPoint.sliding_type`."""
-    if not is_discontinuity(special):
-        allowed = "a point at which a guard is touched, or events coincide"
-        raise InvalidParameter("kind", special.kind, allowed)
+def sliding_type(system: HybridSystem, special: OrbitEvent) -> SlidingType:
+    """Return the type of a point at a discontinuity; see `SpecialPoint.type`."""
     event = discontinuity(special)
     names = system.modes
     begin, end = event.modes
@@ -138,13 +134,3 @@ def sliding_type(system: HybridSystem, special: BranchEvent) -> SlidingType:
         third=tangency.third * unit / time**3,
         tangency=tangency.kind,
     )
-
-
-def type_of(special: BranchEvent) -> str:
-    """Return the type of a point at a discontinuity, for tables; empty if it has none."""
-    if not is_discontinuity(special):
-        return ""
-    try:
-        return str(discontinuity(special).type)
-    except (InvalidParameter, OrbitError):
-        return ""

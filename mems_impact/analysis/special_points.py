@@ -8,31 +8,31 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from types import UnionType
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, Generic, TypeVar
 
 from mems_impact.analysis.boundary_equilibrium_type import BoundaryType, boundary_type
 from mems_impact.analysis.equilibrium import Equilibrium
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.sliding_type import SlidingType, sliding_type
+from mems_impact.analysis.solution import S, solution_of
 from mems_impact.continuation import grazing
+from mems_impact.continuation.branch import EquilibriumEvent, OrbitEvent
 from mems_impact.continuation.codimension_two import codimension_two_form
-from mems_impact.continuation.equilibrium_branch import EquilibriumEvent
+from mems_impact.continuation.equilibrium_branch import BOUNDARY
 from mems_impact.continuation.normal_forms import (
     NormalForm,
     equilibrium_normal_form,
     orbit_normal_form,
 )
 from mems_impact.continuation.orbit_branch import follow
-from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.sliding import is_discontinuity
 from mems_impact.continuation.test_functions import (
     ClosestApproachTest,
     ContactSpeedTest,
     FoldTest,
 )
 from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
@@ -40,11 +40,14 @@ from mems_impact.systems.result import Result
 __all__ = [
     "BifurcationPoint",
     "CodimensionTwo",
-    "EquilibriumPoint",
     "GrazingType",
     "SpecialPoint",
     "check_kind",
+    "only",
+    "special_point",
 ]
+
+T = TypeVar("T")
 
 GRAZING_SEARCH_RATIO = (
     1e-3  # relative range of the parameter in which the other side of a grazing is sought
@@ -81,8 +84,31 @@ class GrazingType(StrEnum):
         return {GrazingType.CONTINUOUS: "II", GrazingType.JUMP: "I"}.get(self, "III")
 
 
-class BifurcationPoint(Result, ABC):
-    """Base class of special points of branches."""
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class BifurcationPoint(Result, ABC, Generic[S]):
+    """Base class of special points of branches and curves.
+
+    Attributes
+    ----------
+    solution : Orbit or Equilibrium
+    """
+
+    solution: S
+
+    @property
+    def orbit(self) -> Orbit:
+        """The orbit; AttributeError at an equilibrium."""
+        return only(self, self.solution, Orbit)
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """The equilibrium; AttributeError at an orbit."""
+        return only(self, self.solution, Equilibrium)
+
+    @property
+    def system(self) -> HybridSystem:
+        """System of the solution."""
+        return self.solution.system
 
     @property
     @abstractmethod
@@ -100,31 +126,32 @@ class BifurcationPoint(Result, ABC):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SpecialPoint(BifurcationPoint):
-    """A special point of a branch of periodic orbits.
+class SpecialPoint(BifurcationPoint[S]):
+    """A special point of a branch of periodic orbits or equilibria.
 
     Attributes
     ----------
     kind : str
-        "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point" (another branch
-        crosses, as in symmetric systems), the name of another guard that is touched, such as
+        Of orbits: "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point" (another
+        branch crosses, as in symmetric systems), the name of another guard that is touched, such as
         "break-away", "onset of complete chatter" (beyond which the chatter sequence does not end in
-        sticking contact), or "unexplained" where the number of unstable multipliers changes without
-        such a point.
+        sticking contact). Of equilibria: "fold", "Hopf", "branch point", "boundary equilibrium".
+        Of both: "unexplained" where the number of unstable multipliers or eigenvalues changes
+        without such a point.
     label : str
-        G, CF or PD, as in the paper; NS, BP, CC, ?; for another guard the kind. `sliding_type`
-        classifies the latter.
+        G, CF or PD, as in the paper; NS, BP, CC, ?; for another guard the kind. Of equilibria: LP,
+        H, BP, BE, ?.
     parameter : str
     value : float
         Value of the parameter.
-    orbit : Orbit
-        The orbit at that value.
+    solution : Orbit or Equilibrium
+        The solution at that value, also as `orbit` or `equilibrium`.
     bounds : tuple of float
         Bounds of the branch.
 
     See Also
     --------
-    Branch, switch_branch, continue_curve, GrazingType, SlidingType
+    Branch, switch_branch, continue_curve, GrazingType, SlidingType, BoundaryType
 
     Examples
     --------
@@ -132,13 +159,13 @@ class SpecialPoint(BifurcationPoint):
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> branch = mi.continue_solution(orbit, "amplitude", stop=0.17)
     >>> fold = branch.special_points[0]
     >>> fold.kind, fold.parameter, round(fold.value, 7)
     ('fold', 'amplitude', 0.1765154)
-    >>> f"{max(fold.multipliers.real):.3f}"
+    >>> f"{max(fold.orbit.multipliers.real):.3f}"
     '1.000'
-    >>> branch.special_points[1].grazing_type.paper
+    >>> branch.special_points[1].type.paper
     'I'
     """
 
@@ -146,89 +173,84 @@ class SpecialPoint(BifurcationPoint):
     label: str
     parameter: str
     value: float
-    orbit: Orbit
     bounds: tuple[float, float] = field(repr=False)
-    numeric: BranchEvent = field(repr=False)
+    numeric: OrbitEvent | EquilibriumEvent = field(repr=False)
     next_orbit: PeriodicOrbit | None = field(repr=False, default=None)
 
     def __repr__(self) -> str:
-        return f"SpecialPoint({self.label} at {self.parameter}={self.value:.9g}, {self.orbit})"
+        return f"SpecialPoint({self.label} at {self.parameter}={self.value:.9g}, {self.solution})"
 
     @property
-    def system(self) -> HybridSystem:
-        """System of the orbit."""
-        return self.orbit.system
+    def guard(self) -> str:
+        """The guard of a boundary equilibrium; empty for other kinds."""
+        return self.numeric.guard
 
     def summary(self) -> dict[str, Any]:
-        """Return the kind, the values of the parameters and the orbit."""
-        return {
-            "kind": self.kind,
-            self.system.label(self.parameter): self.value,
-            **self.orbit.summary(),
-        }
-
-    @property
-    def multipliers(self) -> NDArray[np.complex128]:
-        """Floquet multipliers; unbounded at a grazing on the side with the impact."""
-        return self.orbit.multipliers
+        """Return the kind, the value of the parameter and the solution."""
+        location = {self.system.label(self.parameter): self.value}
+        return {"kind": self.kind, **location, **self.solution.summary()}
 
     @cached_property
     def normal_form(self) -> NormalForm | None:
-        """The normal form of a fold, period doubling, Neimark-Sacker or branch point; else None.
+        """The normal form of a fold, period doubling, Neimark-Sacker, Hopf or branch point.
+
+        None for other kinds.
 
         Raises
         ------
         OrbitError
-            If the Poincaré map near the orbit cannot be differentiated.
+            If the Poincaré map near the orbit, or the flow near the equilibrium, cannot be
+            differentiated.
         """
-        orbit = self.numeric.orbit
-        doubled = isinstance(self.numeric.monitor, FoldTest)
-        return orbit_normal_form(self.kind, orbit.shooting, orbit.point, doubled=doubled)
-
-    @property
-    def grazing_type(self) -> GrazingType:
-        """The type of a grazing of an orbit without impacts, by the first impact's normal form.
-
-        The sign of the sequence grad h . M^k kick, k = 1, 2, …, decides, with the monodromy matrix
-        M of the orbit without impact (Nordmark 1991).
-
-        Raises
-        ------
-        InvalidParameter
-            If the point is of another kind, or the orbit has other impacts.
-        OrbitError
-            If a weak contact does not lead back to the mode before it.
-        """
-        equivalent = self.without_impact
-        if self.label != "G" or not isinstance(equivalent.monitor, ClosestApproachTest):
-            raise InvalidParameter("kind", self.kind, "a grazing of an orbit without impacts")
-        return GrazingType(grazing.grazing_type(equivalent.orbit, equivalent.monitor))
-
-    @property
-    def sliding_type(self) -> SlidingType:
-        """The type of a point at which an orbit meets a discontinuity of its field.
-
-        A mode slides on the surface of a guard if it keeps the guard's margin constant there, so
-        modes of components, of hand-written guards and of the actuator are recognized alike. The
-        field on the other side is known only if a guard leads from there to sliding. See di
-        Bernardo, Kowalczyk and Nordmark, Physica D 170 (2002) 175-205.
-
-        Raises
-        ------
-        InvalidParameter
-            If no guard other than an impact is touched at the point, and no events coincide.
-        OrbitError
-            If the type cannot be determined, as where no mode of the automaton slides.
-        """
-        return sliding_type(self.system, self.numeric)
+        numeric, doubled = self.numeric.solution, isinstance(self.numeric.monitor, FoldTest)
+        if isinstance(numeric, EquilibriumState):
+            return equilibrium_normal_form(self.kind, numeric)
+        return orbit_normal_form(self.kind, numeric.shooting, numeric.point, doubled=doubled)
 
     @cached_property
-    def without_impact(self) -> BranchEvent:
+    def type(self) -> GrazingType | SlidingType | BoundaryType | None:
+        """The type of a grazing, of a point at a discontinuity or of a boundary equilibrium.
+
+        None for other kinds.
+
+        - A grazing of an orbit without impacts has a `GrazingType` by the normal form of the first
+          impact: the sign of the sequence grad h . M^k kick, k = 1, 2, …, decides, with the
+          monodromy matrix M of the orbit without impact (Nordmark 1991).
+        - A point at which an orbit meets a discontinuity of its field has a `SlidingType`. A mode
+          slides on the surface of a guard if it keeps the guard's margin constant there, so modes
+          of components, of hand-written guards and of the actuator are recognized alike. The field
+          on the other side is known only if a guard leads from there to sliding. See di Bernardo,
+          Kowalczyk and Nordmark, Physica D 170 (2002) 175-205.
+        - A boundary equilibrium has a `BoundaryType` by Feigin's rules. For a field that is
+          continuous across the surface, the criterion is the ratio of the determinants of both
+          Jacobians, 1 + C^T N^-1 E. For a Filippov system the other branch consists of
+          pseudo-equilibria, and the criterion has the sign of -C^T N^-1 E, where E is the jump of
+          the field. See di Bernardo, Budd, Champneys and Kowalczyk, "Piecewise-smooth Dynamical
+          Systems", Springer, 2008, sections 5.2 and 5.3.
+
+        Raises
+        ------
+        OrbitError
+            If the type cannot be determined: a grazing of an orbit with other impacts, or a weak
+            contact that does not lead back to the mode before it; a discontinuity where no mode
+            slides; a boundary equilibrium where no other mode has an equilibrium, as at an impact
+            without rest contact, or the branch of either mode has a fold.
+        """
+        event: Any = self.numeric
+        if self.kind == BOUNDARY:
+            return boundary_type(self.system, event, self.parameter)
+        if self.label == "G":
+            touching = self.without_impact
+            return GrazingType(grazing.grazing_type(touching.solution, touching.monitor))
+        return sliding_type(self.system, event) if is_discontinuity(event) else None
+
+    @cached_property
+    def without_impact(self) -> OrbitEvent:
         """The same grazing, as a point of the branch without the impact.
 
         On that side everything is smooth; on the side with the impact multipliers are infinite.
         """
-        event = self.numeric
+        event: Any = self.numeric
         if not isinstance(event.monitor, ContactSpeedTest) or self.next_orbit is None:
             return event
         away = event.value - self.next_orbit.family.values[self.parameter]
@@ -246,103 +268,7 @@ class SpecialPoint(BifurcationPoint):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class EquilibriumPoint(BifurcationPoint):
-    """A special point of a branch of equilibria.
-
-    Attributes
-    ----------
-    kind : str
-        "fold", "Hopf", "branch point", "boundary equilibrium", or "unexplained" where the number of
-        unstable eigenvalues changes without one of these.
-    label : str
-        LP, H, BP, BE or ?.
-    guard : str
-        The guard of a boundary equilibrium; empty for other kinds.
-    parameter : str
-    value : float
-        Value of the parameter.
-    equilibrium : Equilibrium
-        The equilibrium at that value.
-    bounds : tuple of float
-        Bounds of the branch.
-
-    See Also
-    --------
-    EquilibriumBranch, continue_curve, switch_branch
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> def duffing(mode, t, y, p):
-    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
-    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
-    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
-    >>> branch = mi.continue_equilibrium(found, "a", stop=-0.2)
-    >>> point = branch.special_points[0]
-    >>> point.kind, point.parameter
-    ('branch point', 'a')
-    """
-
-    kind: str
-    label: str
-    guard: str
-    parameter: str
-    value: float
-    equilibrium: Equilibrium
-    bounds: tuple[float, float] = field(repr=False)
-    numeric: EquilibriumEvent = field(repr=False)
-
-    def __repr__(self) -> str:
-        location = f"{self.label} at {self.parameter}={self.value:.9g}"
-        return f"EquilibriumPoint({location}, {self.equilibrium})"
-
-    @property
-    def system(self) -> HybridSystem:
-        """System of the equilibrium."""
-        return self.equilibrium.system
-
-    @cached_property
-    def normal_form(self) -> NormalForm | None:
-        """The normal form of a fold, Hopf or branch point; None for other kinds.
-
-        Raises
-        ------
-        OrbitError
-            If the flow near the equilibrium cannot be differentiated.
-        """
-        return equilibrium_normal_form(self.kind, self.equilibrium.numeric)
-
-    @property
-    def boundary_type(self) -> BoundaryType:
-        """The type of a boundary equilibrium, in either mode, by Feigin's rules.
-
-        For a field that is continuous across the surface, the criterion is the ratio of the
-        determinants of both Jacobians, 1 + C^T N^-1 E. For a Filippov system the other branch
-        consists of pseudo-equilibria, and the criterion has the sign of -C^T N^-1 E, where E is the
-        jump of the field. See di Bernardo, Budd, Champneys and Kowalczyk, "Piecewise-smooth
-        Dynamical Systems", Springer, 2008, sections 5.2 and 5.3.
-
-        Raises
-        ------
-        InvalidParameter
-            If the point is of another kind.
-        OrbitError
-            If no other mode has an equilibrium there, as at an impact without rest contact, or the
-            branch of either mode has a fold there.
-        """
-        return boundary_type(self.system, self.numeric, self.parameter)
-
-    def summary(self) -> dict[str, Any]:
-        """Return the kind, the value of the parameter and the equilibrium."""
-        return {
-            "kind": self.kind,
-            self.system.label(self.parameter): self.value,
-            **self.equilibrium.summary(),
-        }
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CodimensionTwo(BifurcationPoint):
+class CodimensionTwo(BifurcationPoint[S]):
     """A point of codimension two on a curve.
 
     Attributes
@@ -360,34 +286,15 @@ class CodimensionTwo(BifurcationPoint):
     values : dict of str to float
         Values of the two parameters.
     solution : Orbit or Equilibrium
+        Also as `orbit` or `equilibrium`.
     """
 
     kind: str
     values: dict[str, float]
-    solution: Orbit | Equilibrium
 
     def __repr__(self) -> str:
         location = ", ".join(f"{name}={value:.9g}" for name, value in self.values.items())
         return f"CodimensionTwo({self.kind} at {location})"
-
-    @property
-    def orbit(self) -> Orbit:
-        """The orbit; AttributeError on a curve of equilibria."""
-        if not isinstance(self.solution, Orbit):
-            raise AttributeError(f"{self!r} is a point of an equilibrium: use its equilibrium")
-        return self.solution
-
-    @property
-    def equilibrium(self) -> Equilibrium:
-        """The equilibrium; AttributeError on a curve of orbits."""
-        if isinstance(self.solution, Orbit):
-            raise AttributeError(f"{self!r} is a point of an orbit: use its orbit")
-        return self.solution
-
-    @property
-    def system(self) -> HybridSystem:
-        """System of the solution."""
-        return self.solution.system
 
     @cached_property
     def normal_form(self) -> NormalForm | None:
@@ -410,6 +317,33 @@ class CodimensionTwo(BifurcationPoint):
     def summary(self) -> dict[str, Any]:
         """Return the kind, the values of the parameters and the solution."""
         return {"kind": self.kind, **self.values, **self.solution.summary()}
+
+
+def special_point(
+    system: HybridSystem,
+    parameter: str,
+    event: OrbitEvent | EquilibriumEvent,
+    bounds: tuple[float, float],
+    next_orbit: Any = None,
+) -> SpecialPoint[Any]:
+    """Return a special point of `continuation` in the units of the system."""
+    return SpecialPoint(
+        kind=event.kind,
+        label=event.label,
+        parameter=parameter,
+        value=float(system.out(parameter, event.value)),
+        solution=solution_of(system, event.solution),
+        bounds=bounds,
+        numeric=event,
+        next_orbit=next_orbit if isinstance(next_orbit, PeriodicOrbit) else None,
+    )
+
+
+def only(result: object, solution: object, kind: type[T]) -> T:
+    """Return the solution of a result if it is of a kind; else raise AttributeError."""
+    if isinstance(solution, kind):
+        return solution
+    raise AttributeError(f"{result!r} has no {kind.__name__.lower()}: see its solution")
 
 
 def check_kind(value: object, field: str, kind: type | UnionType, allowed: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar, overload
 
@@ -220,7 +220,7 @@ def broken_symmetry(
 
 
 def symmetry_of_halves(
-    specials: Sequence[S], solutions: Sequence[S], evaluation: Callable[[S], Linearized]
+    specials: Sequence[Orbit | Equilibrium], solutions: Sequence[Orbit | Equilibrium]
 ) -> Symmetry | None:
     """Return the symmetry that maps the halves of a branch to each other; else None.
 
@@ -230,15 +230,19 @@ def symmetry_of_halves(
         Solutions at the branch points of the branch.
     solutions : sequence of Orbit or Equilibrium
         All solutions of the branch.
-    evaluation : callable
-        Returns the evaluation of the equations at a solution.
     """
     for special in specials:
-        beside = nearest_beside(evaluation(special), [evaluation(each) for each in solutions])
+        evaluations = [_evaluation(each) for each in solutions]
+        beside = nearest_beside(_evaluation(special), evaluations)
         symmetry = broken_symmetry(special, solutions[beside])
         if symmetry is not None:
             return symmetry
     return None
+
+
+def _evaluation(solution: Orbit | Equilibrium) -> Linearized:
+    """Return the evaluation of the equations at a solution."""
+    return solution.numeric.point if isinstance(solution, Orbit) else solution.numeric.balance
 
 
 def nearest_beside(point: Linearized, points: Sequence[Linearized]) -> int:

@@ -3,34 +3,31 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from numbers import Real
 from typing import Any, Self
 
-from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
-from mems_impact.analysis.orbit import Orbit, orbit_of
+from mems_impact.analysis.solution import Solution, quantities, solution_of
 from mems_impact.continuation.user_test_functions import FunctionTest
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.hybrid.pickling import portable
-from mems_impact.orbits.equilibrium import make_equilibrium
+from mems_impact.orbits.equilibrium import EquilibriumEquations, make_equilibrium
 from mems_impact.orbits.periodic_orbit import make_orbit
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import is_number
 
-__all__ = ["MEASURES", "EquilibriumFunction", "EventFunction", "Events", "OrbitFunction"]
+__all__ = ["EventFunction", "Events"]
 
 Events = Mapping[str, Callable[[Any], float] | tuple[str, float]]
-"""Events by name: a function of an orbit, or a column of the branch's table and its value."""
+"""Events by name: a function of a solution, or a column of the branch's table and its value."""
 
 REMEDY = "return a finite number, or NaN where the function is undefined"
 LOADED_REMEDY = "continue the branch again with events="
 
 
 @dataclass(frozen=True, eq=False)
-class EventFunction(ABC):
+class EventFunction:
     """A function of the solutions of a branch in the user's units, zero at an event.
 
     Attributes
@@ -54,19 +51,12 @@ class EventFunction(ABC):
     level: float = 0.0
     function: Callable[[Any], float] | None = field(default=None, compare=False)
 
-    @abstractmethod
-    def solution(self, equations: Any, point: Any) -> Any:
-        """Return the `Orbit` or `Equilibrium` of a point."""
-
-    @abstractmethod
-    def columns(self, solution: Any) -> dict[str, Callable[[], float]]:
-        """Return the columns of its row in the table, computed on demand."""
-
     def __call__(self, equations: Any, point: Any) -> float:
         """Return the value at a point, minus the level."""
-        return self.of(self.solution(equations, point)) - self.level
+        make: Any = make_equilibrium if isinstance(equations, EquilibriumEquations) else make_orbit
+        return self.of(solution_of(self.system, make(equations, point))) - self.level
 
-    def of(self, solution: Any) -> float:
+    def of(self, solution: Solution) -> float:
         """Return the value at an orbit or an equilibrium.
 
         Raises
@@ -75,7 +65,7 @@ class EventFunction(ABC):
             If the function raises, or returns no number.
         """
         if self.column:
-            value = self.columns(solution).get(self.column)
+            value = quantities(solution, self.parameter).get(self.column)
             return math.nan if value is None else float(value())
         role = f"event {self.name!r}"
         if self.function is None:
@@ -94,7 +84,7 @@ class EventFunction(ABC):
 
     @classmethod
     def tests(
-        cls, events: Events | None, solution: Any, parameter: str, kinds: Collection[str]
+        cls, events: Events | None, solution: Solution, parameter: str, kinds: Collection[str]
     ) -> tuple[FunctionTest, ...]:
         """Return the test functions of the events of a branch.
 
@@ -130,7 +120,7 @@ class EventFunction(ABC):
         )
 
     @classmethod
-    def checked(cls, name: str, event: Any, solution: Any, parameter: str) -> Self:
+    def checked(cls, name: str, event: Any, solution: Solution, parameter: str) -> Self:
         """Return the function of an event; InvalidParameter unless it is one."""
         function: Self
         if callable(event):
@@ -140,7 +130,7 @@ class EventFunction(ABC):
         field = f"events[{name!r}]"
         pair = isinstance(event, tuple | list) and len(event) == 2
         if pair and isinstance(event[0], str):
-            event = event[0], solution.system.without_unit(*event, field)
+            event = event[0], solution.system.without_unit(event[0], event[1], field)
         if not (pair and isinstance(event[0], str) and is_number(event[1])):
             allowed = 'a function of the orbit, or a column of the table and its value: ("v", 0.3)'
             raise InvalidParameter(field, event, allowed)
@@ -148,78 +138,9 @@ class EventFunction(ABC):
         function.check_column(solution, field)
         return function
 
-    def check_column(self, solution: Any, field: str) -> None:
+    def check_column(self, solution: Solution, field: str) -> None:
         """Raise InvalidParameter unless the table has the column."""
-        columns = self.columns(solution)
+        columns = quantities(solution, self.parameter)
         if self.column not in columns:
             allowed = f"a column of the table: {', '.join(columns)}"
             raise InvalidParameter(field, self.column, allowed)
-
-
-# --- Columns of orbits
-
-MEASURES: dict[str, Callable[[Orbit], float]] = {
-    "period": lambda orbit: orbit.period,
-    "largest multiplier": lambda orbit: (
-        math.inf if orbit.numeric.touches else float(abs(orbit.numeric.multipliers[0]))
-    ),
-    "impact speed": lambda orbit: max(orbit.impact_speeds, default=math.nan),
-    "closest approach": lambda orbit: orbit.closest_approach,
-}
-"""Numbers in the row of an orbit, besides observables and states."""
-
-
-@dataclass(frozen=True, eq=False)
-class OrbitFunction(EventFunction):
-    """A function of orbits."""
-
-    def solution(self, equations: Any, point: Any) -> Orbit:
-        """Return the orbit."""
-        return orbit_of(self.system, make_orbit(equations, point))
-
-    def columns(self, solution: Orbit) -> dict[str, Callable[[], float]]:
-        """Return the columns that vary continuously."""
-        columns: dict[str, Callable[[], float]] = {
-            self.parameter: lambda: solution.system.value(self.parameter)
-        }
-        for name, measure in MEASURES.items():
-            columns[name] = partial(measure, solution)
-        if solution.system.forced:
-            del columns["period"]
-        for each in solution.system.observables:
-            columns[each.name] = partial(_observable, solution, each.name)
-        for name in solution.system.displayed_states:
-            columns[name] = partial(_largest, solution, name)
-        return columns
-
-
-def _observable(orbit: Orbit, name: str) -> float:
-    return orbit.observables[name]
-
-
-def _largest(orbit: Orbit, state: str) -> float:
-    """Return the largest of the displayed values of a state, the first of its columns."""
-    values = orbit.shown_states[state]
-    return float(values[0]) if values.size else math.nan
-
-
-# --- Columns of equilibria
-
-
-@dataclass(frozen=True, eq=False)
-class EquilibriumFunction(EventFunction):
-    """A function of equilibria."""
-
-    def solution(self, equations: Any, point: Any) -> Equilibrium:
-        """Return the equilibrium."""
-        return equilibrium_of(self.system, make_equilibrium(equations, point))
-
-    def columns(self, solution: Equilibrium) -> dict[str, Callable[[], float]]:
-        """Return the columns."""
-        system, cyclic = solution.system, solution.system.automaton.cyclic
-        states = [name for i, name in enumerate(system.states) if i not in cyclic]
-        return {
-            self.parameter: lambda: system.value(self.parameter),
-            "largest real part": lambda: max(solution.eigenvalues.real.tolist(), default=math.nan),
-            **{name: partial(solution.state.__getitem__, name) for name in states},
-        }

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import mems_impact as mi
 
 ORBIT = "mems_impact.studies.engine.config:orbit_from"
-BRANCH = "mems_impact.analysis.branch:continue_orbit"
+BRANCH = "mems_impact.analysis.branch:continue_solution"
 
 
 @click.command(cls=Command, short_help="Continue a periodic orbit over a parameter.")
@@ -59,7 +59,7 @@ def command(
     arguments = arguments_for(BRANCH, system)
     with output("continue") as files:
         orbit = orbit_from(system, **of_orbit)
-        branch = mi.continue_orbit(orbit, parameter, stop, **arguments)
+        branch = mi.continue_solution(orbit, parameter, stop, **arguments)
         files.tables(_tables(branch))
         branches = [branch]
         unit = unit_of(branch.table, branch.table.columns[0])
@@ -115,11 +115,10 @@ def _side(grazing: mi.SpecialPoint) -> str:
     import mems_impact as mi
 
     try:
-        kind = grazing.grazing_type
-    except mi.InvalidParameter:
-        return "of an orbit with impacts"
+        kind = grazing.type
     except mi.OrbitError as error:
         return f"of no type: {error.reason}"
+    assert isinstance(kind, mi.GrazingType)
     return f"{kind}: type {kind.paper}"
 
 

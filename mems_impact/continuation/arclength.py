@@ -54,7 +54,7 @@ class StepControl:
 
     See Also
     --------
-    continue_orbit, continue_curve
+    continue_solution, continue_curve
 
     Examples
     --------
@@ -62,7 +62,8 @@ class StepControl:
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.2, steps=mi.StepControl(max_points=3))
+    >>> steps = mi.StepControl(max_points=3)
+    >>> branch = mi.continue_solution(orbit, "amplitude", stop=0.2, steps=steps)
     >>> branch.ended.split(";")[0]
     'the budget of 3 points is used up'
     """

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mems_impact.continuation.equilibrium_branch import BOUNDARY, EquilibriumEvent
-from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.continuation.branch import EquilibriumEvent
+from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import (
     EquilibriumEquations,
     EquilibriumEvaluation,
@@ -59,14 +59,10 @@ def boundary_crossing(event: EquilibriumEvent, parameter: str) -> BoundaryCrossi
 
     Raises
     ------
-    InvalidParameter
-        If the point is of another kind.
     OrbitError
         If no other mode has an equilibrium there, or one of the two branches is singular.
     """
-    if event.kind != BOUNDARY:
-        raise InvalidParameter("special", event.kind, "a boundary equilibrium")
-    state = event.equilibrium
+    state = event.solution
     equations = EquilibriumEquations(state.family, state.mode, (parameter,))
     values = np.array([state.family.values[parameter]])
     names = [guard.name for guard in equations.automaton.guards]

@@ -139,10 +139,9 @@ class BranchPointCurve(CurveProblem):
         """Return the reason for an end where the branch point unfolds."""
         if unfolding(point) <= RESIDUAL_TOLERANCE:
             return ""
-        value = self.family.amount(self.parameters[1], float(self.branch.points[-1].values[1]))
-        return (
-            f"{UNFOLDS}: at another value of {self.parameters[1]} than {value}, no branch crosses"
-        )
+        name = self.parameters[1]
+        value = self.family.amount(name, float(self.branch.points[-1].family.values[name]))
+        return f"{UNFOLDS}: at another value of {name} than {value}, no branch crosses"
 
     def tests(self, point: ShootingEvaluation, direction: Floats) -> Tests:
         """Return the test functions for points of codimension two."""

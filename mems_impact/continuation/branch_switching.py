@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import correct
+from mems_impact.continuation.branch import EquilibriumEvent, OrbitEvent
 from mems_impact.continuation.branching_equation import CrossingBranch, FirstPoint
 from mems_impact.continuation.equilibrium_branch import frequency
-from mems_impact.continuation.test_functions import MULTIPLIER_TOLERANCE
+from mems_impact.continuation.test_functions import BRANCH_POINT, MULTIPLIER_TOLERANCE
 from mems_impact.errors import OrbitError, RunError
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
@@ -33,6 +35,25 @@ from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 # point, relative to the state if above 1.
 SWITCH_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)
 MIN_PARAMETER_CHANGE = 1e-7  # relative change of the parameter of a significant distance
+
+
+def switched_solution(
+    event: OrbitEvent | EquilibriumEvent, parameter: str
+) -> tuple[PeriodicOrbit | EquilibriumState, Floats | FirstPoint[Any]]:
+    """Return a solution of the branch that emanates from a special point, and the way to it.
+
+    The second value is the `FirstPoint` of the branch through a branch point, else a direction of
+    continuation. The errors are as of the functions for each kind.
+    """
+    solution = event.solution
+    if isinstance(solution, EquilibriumState):
+        if event.kind == BRANCH_POINT:
+            return switch_equilibrium(solution, event.direction, parameter)
+        return switch_at_hopf(solution, parameter)
+    if event.kind == BRANCH_POINT:
+        return switch_at_branch_point(solution, event.direction, parameter)
+    return switch_at_period_doubling(solution, parameter)
+
 
 # --- Period doublings
 

@@ -14,7 +14,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact._util.bisection import bisect
 from mems_impact.continuation.arclength import CONTINUATION_ERRORS, tangent
-from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.branch import OrbitEvent
 from mems_impact.continuation.test_functions import CHATTER_ONSET, ORBIT_LABELS, SegmentLengthTest
 from mems_impact.hybrid.event_loop.workspace import ACCUMULATION
 from mems_impact.hybrid.simulation import run
@@ -42,7 +42,7 @@ def rests_after_chatter(segments: tuple[Segment, ...], i: int, m: int) -> bool:
     return m <= segments[i - 1].code < 2 * m
 
 
-def chatter_onset(event: BranchEvent, parameter: str) -> BranchEvent | None:
+def chatter_onset(event: OrbitEvent, parameter: str) -> OrbitEvent | None:
     """Return the onset of complete chatter near `event`, a rest of length zero after chatter.
 
     Runs over the orbit's period, from initial states that are extrapolated along the branch, end
@@ -50,7 +50,7 @@ def chatter_onset(event: BranchEvent, parameter: str) -> BranchEvent | None:
     with its own sequence of impacts. None if both sides have a rest.
     """
     assert isinstance(event.monitor, SegmentLengthTest)
-    orbit, i = event.orbit, event.monitor.segment
+    orbit, i = event.solution, event.monitor.segment
     m, onward = orbit.shooting.m, float(np.sign(event.direction[-1]))
     if onward == 0.0 or orbit.segments[i].code == BOUNDARY:
         return None
@@ -91,16 +91,16 @@ def chatter_onset(event: BranchEvent, parameter: str) -> BranchEvent | None:
         return onset
 
 
-def _state_rates(event: BranchEvent) -> Floats:
+def _state_rates(event: OrbitEvent) -> Floats:
     """Return the derivative of the first state along the branch by the parameter."""
-    shooting, rates = event.orbit.shooting, np.zeros(event.orbit.shooting.n)
+    shooting, rates = event.solution.shooting, np.zeros(event.solution.shooting.n)
     rates[shooting.free] = event.direction[: len(shooting.free)] / event.direction[-1]
     return rates
 
 
 def _with_orbit(
-    onset: BranchEvent, there: PeriodicOrbit, start: HybridState, parameter: str
-) -> BranchEvent:
+    onset: OrbitEvent, there: PeriodicOrbit, start: HybridState, parameter: str
+) -> OrbitEvent:
     """Return the onset with an orbit that has the sequence of impacts of a run.
 
     Raises
@@ -114,7 +114,7 @@ def _with_orbit(
     shooting.pin(shooting.evaluate(unknowns, values))
     orbit = make_orbit(shooting, solve(shooting, unknowns, values))
     assert isinstance(onset.monitor, SegmentLengthTest)
-    code = onset.orbit.segments[onset.monitor.segment - 1].code
+    code = onset.solution.segments[onset.monitor.segment - 1].code
     numbers = [i for i, s in enumerate(guess.segments) if guess.segments[i - 1].code == code]
     if not numbers or not orbit.admissible:
         return onset
@@ -122,7 +122,7 @@ def _with_orbit(
     direction = tangent(orbit.point)
     return replace(
         onset,
-        orbit=orbit,
+        solution=orbit,
         direction=direction if direction[-1] * onset.direction[-1] > 0.0 else -direction,
         monitor=SegmentLengthTest(onset.monitor.kind, shortest),
     )

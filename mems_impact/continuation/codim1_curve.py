@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Protocol, TypeVar
 
@@ -20,10 +20,10 @@ from mems_impact.continuation.arclength import (
     StepControl,
     reason_of,
 )
+from mems_impact.continuation.branch import CurveEvent, OrbitCurve, OrbitEvent
 from mems_impact.continuation.criticality import CriticalityTest
 from mems_impact.continuation.grazing import DegenerateGrazingTest
 from mems_impact.continuation.orbit_branch import OrbitProblem, oriented
-from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import (
     FOLD,
     FOLLOWED_NAMES,
@@ -50,7 +50,7 @@ from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
-__all__ = ["CurveEvent", "CurvePoint", "CurveProblem", "OrbitCurve", "follow_curve"]
+__all__ = ["CurveProblem", "follow_curve"]
 
 MAX_CURVE_ITERATIONS = 10
 COINCIDENT = 1e-7  # distance on the curve below which two losses count as one
@@ -60,62 +60,8 @@ MARGIN_TESTS = (ClosestApproachTest, ContactSpeedTest)
 MAX_ZERO_RATIO = 1e-3  # largest ratio of a test function at a zero to its values at the step's ends
 
 
-@dataclass(frozen=True)
-class CurvePoint:
-    """One orbit on a curve.
-
-    Attributes
-    ----------
-    orbit : PeriodicOrbit
-    values : tuple of float
-        Of the two parameters.
-    """
-
-    orbit: PeriodicOrbit
-    values: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class CurveEvent:
-    """A codimension-two point of a curve.
-
-    Attributes
-    ----------
-    kind : str
-    values : tuple of float
-        Of the two parameters.
-    orbit : PeriodicOrbit
-    """
-
-    kind: str
-    values: tuple[float, float]
-    orbit: PeriodicOrbit
-
-
-@dataclass
-class OrbitCurve:
-    """A curve of special points in two parameters.
-
-    Attributes
-    ----------
-    kind : str
-        Kind of the special points.
-    parameters : tuple of str
-    points : list of CurvePoint
-    special_points : list of CurveEvent
-    ended : str
-        Reason for the end of the curve.
-    """
-
-    kind: str
-    parameters: tuple[str, str]
-    points: list[CurvePoint] = field(default_factory=list)
-    special_points: list[CurveEvent] = field(default_factory=list)
-    ended: str = ""
-
-
 def follow_curve(
-    special: BranchEvent,
+    special: OrbitEvent,
     parameter: str,
     second: str,
     *,
@@ -130,7 +76,7 @@ def follow_curve(
 
     Parameters
     ----------
-    special : BranchEvent
+    special : OrbitEvent
         A grazing, fold, period-doubling or Neimark-Sacker point, or the contact of another guard.
     parameter : str
         The parameter of the branch.
@@ -148,12 +94,12 @@ def follow_curve(
 
     Returns
     -------
-    OrbitCurve
+    SolutionCurve
     """
     if parameter == second:
         raise InvalidParameter(field="second", value=second, allowed=f"other than {parameter}")
     curve = OrbitCurve(special.kind, (parameter, second))
-    orbit, steps = special.orbit, steps or StepControl()
+    orbit, steps = special.solution, steps or StepControl()
     try:
         shooting = orbit.equations(curve.parameters)
         curve_problem = (problem or CurveProblem)(curve, special, shooting, (low, high))
@@ -173,13 +119,13 @@ def follow_curve(
             curve_problem, point, first_direction, low=low, high=high, steps=steps
         ):
             if progress is not None:
-                progress(solution.values[1])
+                progress(curve.values(solution)[1])
     except CONTINUATION_ERRORS as error:
         curve.ended = reason_of(error, orbit.family)
     return curve
 
 
-class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
+class CurveProblem(OrbitProblem[PeriodicOrbit, CurveEvent[PeriodicOrbit]]):
     """Orbits at which one test function is zero, in two parameters."""
 
     noun = "curve"
@@ -187,7 +133,7 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
     def __init__(
         self,
         curve: OrbitCurve,
-        special: BranchEvent,
+        special: OrbitEvent,
         shooting: Shooting,
         bounds: tuple[float, float],
     ) -> None:
@@ -196,7 +142,7 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         self.condition = self._defining_system()
         self._linear: tuple[ShootingEvaluation, Floats] | None = None  # the condition's gradient
         # The guard of the orbit's impacts, or else the one that it approaches most closely.
-        self.guard = self._main_guard(special.orbit)
+        self.guard = self._main_guard(special.solution)
 
     def _defining_system(self) -> DefiningSystem:
         """Return the equation that the special point adds."""
@@ -236,8 +182,7 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
 
     def record(self, point: ShootingEvaluation, direction: Floats) -> None:
         """Append an orbit to the curve."""
-        values = (float(point.values[0]), float(point.values[1]))
-        self.branch.points.append(CurvePoint(self._orbit(point), values))
+        self.branch.points.append(self._orbit(point))
 
     def _orbit(self, point: ShootingEvaluation) -> PeriodicOrbit:
         """Return the orbit of a point. On a mode choice, either of the two modes is admissible."""
@@ -323,9 +268,9 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         length: float,
         before: Mapping[TestFunction, float],
         after: Mapping[TestFunction, float],
-    ) -> LocatedEvents[ShootingEvaluation, CurveEvent]:
+    ) -> LocatedEvents[ShootingEvaluation, CurveEvent[PeriodicOrbit]]:
         """Locate points of codimension two in a step, up to one that ends the curve."""
-        candidates: list[tuple[float, TestFunction, CurveEvent]] = []
+        candidates: list[tuple[float, TestFunction, CurveEvent[PeriodicOrbit]]] = []
         for test, value in before.items():
             if test in after and value * after[test] < 0.0:
                 located = self._locate(test, step, length, (value, after[test]))
@@ -350,11 +295,11 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         return LocatedEvents([*earlier, first[2]], first[2], reason)
 
     def pass_loss(
-        self, located: LocatedEvents[ShootingEvaluation, CurveEvent], length: float
+        self, located: LocatedEvents[ShootingEvaluation, CurveEvent[PeriodicOrbit]], length: float
     ) -> str:
         """End the curve at a loss."""
         assert located.loss is not None
-        self.branch.points.append(CurvePoint(located.loss.orbit, located.loss.values))
+        self.branch.points.append(located.loss.solution)
         return located.reason
 
     def _beyond(self, test: TestFunction, after: Mapping[TestFunction, float]) -> str:
@@ -374,7 +319,7 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         step: PredictorStep[ShootingEvaluation],
         length: float,
         ends: tuple[float, float],
-    ) -> tuple[float, CurveEvent] | None:
+    ) -> tuple[float, CurveEvent[PeriodicOrbit]] | None:
         """Return the position in a step and the point of a zero of `test`, with values `ends`."""
 
         def value(point: ShootingEvaluation) -> float:

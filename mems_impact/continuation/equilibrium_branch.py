@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -19,11 +18,13 @@ from mems_impact.continuation.arclength import (
     E,
     LocatedEvents,
     PredictorStep,
+    R,
     StepControl,
     correct,
     reason_of,
     tangent,
 )
+from mems_impact.continuation.branch import EquilibriumBranch, EquilibriumEvent, EquilibriumPoint
 from mems_impact.continuation.branch_points import regularity
 from mems_impact.continuation.branching_equation import branch_direction
 from mems_impact.continuation.stability import (
@@ -58,65 +59,6 @@ MIN_IMAGINARY_RATIO = 1e-6  # least ratio of imaginary part to size of an eigenv
 SAME_EQUILIBRIUM_DISTANCE = 1e-5  # largest distance of two equilibria that count as one
 
 
-@dataclass(frozen=True)
-class EquilibriumEvent:
-    """A special point of a branch of equilibria.
-
-    Attributes
-    ----------
-    kind : str
-        "fold", "Hopf", "branch point" (another branch crosses), or "boundary equilibrium" (a
-        margin is zero, and the equilibrium is virtual beyond). "unexplained" is a change of the
-        number of unstable eigenvalues for which no such point is found.
-    guard : str
-        The guard of a boundary equilibrium, else empty.
-    value : float
-        Of the parameter.
-    equilibrium : EquilibriumState
-    direction : float array
-        Tangent of the branch.
-    """
-
-    kind: str
-    guard: str
-    value: float
-    equilibrium: EquilibriumState = field(repr=False)
-    direction: Floats = field(repr=False)
-
-    @property
-    def label(self) -> str:
-        """LP, H, BP, BE or ?; else the kind."""
-        return EQUILIBRIUM_LABELS.get(self.kind, self.kind)
-
-
-@dataclass
-class Equilibria:
-    """A branch of equilibria with its special points.
-
-    Attributes
-    ----------
-    parameter : str
-    points : list of EquilibriumState
-    special_points : list of EquilibriumEvent
-    ended : str
-        Reason for the end of the branch.
-    """
-
-    parameter: str
-    points: list[EquilibriumState] = field(default_factory=list)
-    special_points: list[EquilibriumEvent] = field(default_factory=list)
-    ended: str = ""
-
-    def joined(self, other: Equilibria) -> Equilibria:
-        """Return this branch, reversed, and then another branch from the same equilibrium."""
-        return Equilibria(
-            self.parameter,
-            [*reversed(self.points), *other.points[1:]],
-            [*reversed(self.special_points), *other.special_points],
-            other.ended,
-        )
-
-
 def follow_equilibrium(
     equilibrium: EquilibriumState,
     parameter: str,
@@ -128,7 +70,7 @@ def follow_equilibrium(
     functions: Sequence[FunctionTest] = (),
     stop_at: Collection[str] = (),
     progress: Callable[[float], None] | None = None,
-) -> Equilibria:
+) -> EquilibriumBranch:
     """Continue an equilibrium in one parameter up to a bound, an end or the budget of points.
 
     Parameters
@@ -150,10 +92,10 @@ def follow_equilibrium(
 
     Returns
     -------
-    Equilibria
+    SolutionBranch
         The points up to its end; `ended` is the reason.
     """
-    branch = Equilibria(parameter)
+    branch = EquilibriumBranch(parameter)
     equations = EquilibriumEquations(equilibrium.family, equilibrium.mode, (parameter,))
     try:
         value = np.array([equilibrium.family.value(parameter)])
@@ -168,13 +110,13 @@ def follow_equilibrium(
         )
         for solution in points:
             if progress is not None:
-                progress(solution.family.value(parameter))
+                progress(solution.value)
     except CONTINUATION_ERRORS as error:
         branch.ended = reason_of(error, equilibrium.family)
     return branch
 
 
-class EquilibriumProblem(ContinuationProblem[EquilibriumEvaluation, EquilibriumState, E]):
+class EquilibriumProblem(ContinuationProblem[EquilibriumEvaluation, R, E]):
     """Equilibria in one mode, along a branch or a curve."""
 
     equations: EquilibriumEquations
@@ -182,10 +124,6 @@ class EquilibriumProblem(ContinuationProblem[EquilibriumEvaluation, EquilibriumS
     def begin(self, first: EquilibriumEvaluation, direction: Floats) -> None:
         """Set the first point and its tangent."""
         self.first, self.at_first = np.concatenate([first.unknowns, first.values]), direction
-
-    def record(self, point: EquilibriumEvaluation, direction: Floats) -> None:
-        """Append an equilibrium to the branch or curve."""
-        self.branch.points.append(make_equilibrium(self.equations, point))
 
     def closing(self, step: PredictorStep[EquilibriumEvaluation], length: float) -> float | None:
         """Return the position in a step of a return to the first point and tangent, or None."""
@@ -202,12 +140,12 @@ class EquilibriumProblem(ContinuationProblem[EquilibriumEvaluation, EquilibriumS
         return self.equations.evaluate(point.unknowns, values).residual
 
 
-class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
+class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumPoint, EquilibriumEvent]):
     """Equilibria in one parameter."""
 
     def __init__(
         self,
-        branch: Equilibria,
+        branch: EquilibriumBranch,
         equations: EquilibriumEquations,
         first: EquilibriumEvaluation,
         direction: Floats,
@@ -236,14 +174,21 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         reason, remedy = "the correction at the bound did not converge", "take shorter steps"
         return solve_at(self.equations, guess[:-1], guess[-1:], reason=reason, remedy=remedy)
 
+    def record(self, point: EquilibriumEvaluation, direction: Floats) -> None:
+        """Append an equilibrium to the branch."""
+        equilibrium = make_equilibrium(self.equations, point)
+        self.branch.points.append(EquilibriumPoint(equilibrium, float(point.values[0]), direction))
+
     def accept(self, located: LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]) -> None:
         """Append the special points of a step, also to the points of the branch."""
         branch = self.branch
         branch.special_points[:] = self.bifurcations.without_spurious_folds(
-            branch.special_points, lambda each: each.equilibrium.balance
+            branch.special_points, lambda each: each.solution.balance
         )
         branch.special_points += located.events
-        branch.points += [each.equilibrium for each in located.events]
+        branch.points += [
+            EquilibriumPoint(each.solution, each.value, each.direction) for each in located.events
+        ]
 
     def tests(self, point: EquilibriumEvaluation, direction: Floats) -> dict[TestFunction, float]:
         """Return the test functions of an equilibrium."""
@@ -310,7 +255,8 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
     ) -> EquilibriumEvent:
         equilibrium = make_equilibrium(self.equations, balance)
         name = self.family.automaton.guards[guard].name if guard >= 0 else ""
-        return EquilibriumEvent(kind, name, float(balance.values[0]), equilibrium, direction)
+        label, value = EQUILIBRIUM_LABELS.get(kind, kind), float(balance.values[0])
+        return EquilibriumEvent(kind, label, value, equilibrium, direction, guard=name)
 
 
 def frequency(equilibrium: EquilibriumState) -> float | None:

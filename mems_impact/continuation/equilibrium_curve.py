@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, NamedTuple
 
@@ -29,6 +29,7 @@ from mems_impact.continuation.arclength import (
     reason_of,
     tangent,
 )
+from mems_impact.continuation.branch import CurveEvent, EquilibriumCurve, EquilibriumEvent
 from mems_impact.continuation.branch_point_curve import (
     UNFOLDS,
     correct_branch_point,
@@ -38,9 +39,9 @@ from mems_impact.continuation.branch_point_curve import (
 from mems_impact.continuation.codim1_curve import correct_condition, curve_direction
 from mems_impact.continuation.equilibrium_branch import (
     BOUNDARY,
+    EQUILIBRIUM_LABELS,
     HOPF,
     MIN_IMAGINARY_RATIO,
-    EquilibriumEvent,
     EquilibriumProblem,
 )
 from mems_impact.continuation.higher_derivatives import lyapunov_coefficient
@@ -54,64 +55,20 @@ from mems_impact.orbits.equilibrium import (
 )
 from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
-__all__ = ["EquilibriumCurve", "EquilibriumCurveEvent", "follow_equilibrium_curve"]
+__all__ = ["branch_event", "follow_equilibrium_curve"]
 
 MAX_ZERO_RATIO = 1e-3  # largest ratio of a test function at a zero to its values at the step's ends
 END_RATIO = 1.0 - 1e-4  # part of a step to a loss at which test functions are evaluated
 
 
-@dataclass(frozen=True)
-class EquilibriumCurveEvent:
-    """A codimension-two point of a curve of equilibria.
-
-    Attributes
-    ----------
-    kind : str
-    values : tuple of float
-        Of the two parameters.
-    equilibrium : EquilibriumState
-    """
-
-    kind: str
-    values: tuple[float, float]
-    equilibrium: EquilibriumState
-
-
-@dataclass
-class EquilibriumCurve:
-    """A curve of special points of equilibria in two parameters.
-
-    Attributes
-    ----------
-    kind : str
-        Kind of the special points.
-    guard : str
-        The guard of boundary equilibria, else empty.
-    parameters : tuple of str
-    bounds : tuple of float
-        Bounds of the branch, of the first parameter.
-    points : list of EquilibriumState
-    special_points : list of EquilibriumCurveEvent
-    ended : str
-        Reason for the end of the curve.
-    """
-
-    kind: str
-    guard: str
-    parameters: tuple[str, str]
-    bounds: tuple[float, float]
-    points: list[EquilibriumState] = field(default_factory=list)
-    special_points: list[EquilibriumCurveEvent] = field(default_factory=list)
-    ended: str = ""
-
-    def event(self, state: EquilibriumState) -> EquilibriumEvent:
-        """Return a point of the curve as a special point of the branch through it."""
-        first = self.parameters[0]
-        near = EquilibriumEquations(state.family, state.mode, (first,)).evaluate(
-            state.balance.unknowns, np.array([state.family.values[first]])
-        )
-        value = float(near.values[0])
-        return EquilibriumEvent(self.kind, self.guard, value, state, tangent(near))
+def branch_event(curve: EquilibriumCurve, state: EquilibriumState) -> EquilibriumEvent:
+    """Return a point of the curve as a special point of the branch through it."""
+    first = curve.parameters[0]
+    near = EquilibriumEquations(state.family, state.mode, (first,)).evaluate(
+        state.balance.unknowns, np.array([state.family.values[first]])
+    )
+    label, value = EQUILIBRIUM_LABELS[curve.kind], float(near.values[0])
+    return EquilibriumEvent(curve.kind, label, value, state, tangent(near), guard=curve.guard)
 
 
 # --- Defining systems
@@ -558,7 +515,7 @@ def follow_equilibrium_curve(
     ----------
     equilibrium : EquilibriumState
         At the special point.
-    curve : EquilibriumCurve
+    curve : SolutionCurve
         The curve without points.
     low, high : float
         Bounds of the second parameter.
@@ -570,7 +527,7 @@ def follow_equilibrium_curve(
 
     Returns
     -------
-    EquilibriumCurve
+    SolutionCurve
         The same.
 
     Raises
@@ -607,7 +564,7 @@ def follow_equilibrium_curve(
     return curve
 
 
-class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
+class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumState, CurveEvent[EquilibriumState]]):
     """Equilibria at which one condition holds, in two parameters."""
 
     noun = "curve"
@@ -632,6 +589,10 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
             ),
         ]
 
+    def record(self, point: EquilibriumEvaluation, direction: Floats) -> None:
+        """Append an equilibrium to the curve."""
+        self.branch.points.append(make_equilibrium(self.equations, point))
+
     def tests(
         self, point: EquilibriumEvaluation, direction: Floats
     ) -> dict[CodimensionTwoTest, float]:
@@ -645,16 +606,16 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
         length: float,
         before: Mapping[CodimensionTwoTest, float],
         after: Mapping[CodimensionTwoTest, float],
-    ) -> LocatedEvents[EquilibriumEvaluation, EquilibriumCurveEvent]:
+    ) -> LocatedEvents[EquilibriumEvaluation, CurveEvent[EquilibriumState]]:
         """Locate points of codimension two in a step, up to one that ends the curve."""
-        loss: tuple[float, EquilibriumCurveEvent] | None = None
+        loss: tuple[float, CurveEvent[EquilibriumState]] | None = None
         for test in before:
             if isinstance(test, RealPairTest) and after[test] < 0.0:
                 loss = self._locate(test, step, length, (before[test], after[test]))
                 if loss is not None:
                     length = END_RATIO * loss[0]
                     after = self.tests(step.at(length).point, step.direction)
-        candidates: list[tuple[float, EquilibriumCurveEvent]] = []
+        candidates: list[tuple[float, CurveEvent[EquilibriumState]]] = []
         for test, value in before.items():
             if test in after and value * after[test] < 0.0:
                 located = self._locate(test, step, length, (value, after[test]))
@@ -670,11 +631,13 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
         return LocatedEvents([*events, loss[1]], loss[1], reason)
 
     def pass_loss(
-        self, located: LocatedEvents[EquilibriumEvaluation, EquilibriumCurveEvent], length: float
+        self,
+        located: LocatedEvents[EquilibriumEvaluation, CurveEvent[EquilibriumState]],
+        length: float,
     ) -> str:
         """End the curve at a loss."""
         assert located.loss is not None
-        self.branch.points.append(located.loss.equilibrium)
+        self.branch.points.append(located.loss.solution)
         return located.reason
 
     def _inside(self, value: float) -> bool:
@@ -686,7 +649,7 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
         step: PredictorStep[EquilibriumEvaluation],
         length: float,
         ends: tuple[float, float],
-    ) -> tuple[float, EquilibriumCurveEvent] | None:
+    ) -> tuple[float, CurveEvent[EquilibriumState]] | None:
         """Return the position in a step and the point of a zero of `test`, with values `ends`."""
 
         def value(point: EquilibriumEvaluation) -> float:
@@ -706,7 +669,7 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
             return None  # a jump
         equilibrium = make_equilibrium(self.equations, point)
         values = float(point.values[0]), float(point.values[1])
-        return position, EquilibriumCurveEvent(test.name, values, equilibrium)
+        return position, CurveEvent(test.name, values, equilibrium)
 
 
 class _ScalarConditionCurve(_EquilibriumCurveProblem):

@@ -25,7 +25,8 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import CONTINUATION_ERRORS, tangent
-from mems_impact.continuation.special_points import MAX_VANISHING_LENGTH, BranchEvent
+from mems_impact.continuation.branch import OrbitEvent
+from mems_impact.continuation.special_points import MAX_VANISHING_LENGTH
 from mems_impact.continuation.test_functions import (
     ClosestApproach,
     ClosestApproachTest,
@@ -35,7 +36,7 @@ from mems_impact.continuation.test_functions import (
     TestFunction,
     closest_approach,
 )
-from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.errors import OrbitError
 from mems_impact.hybrid.differences import central_difference
 from mems_impact.hybrid.event_loop.workspace import NONE, TRANSITION
 from mems_impact.hybrid.simulation import run
@@ -209,17 +210,22 @@ def grazing_type(orbit: PeriodicOrbit, monitor: TestFunction) -> str:
     str
         "continuous" (all xi_k positive and the orbit stable: the paper's type II), "jump" (some
         xi_k negative: type I), "after a fold" (a multiplier beyond +1: type III).
+
+    Raises
+    ------
+    OrbitError
+        If the orbit has other events, or is a limit cycle in a plane.
     """
-    if not isinstance(monitor, ClosestApproachTest):
-        raise InvalidParameter(
-            field="monitor", value=monitor, allowed="the closest approach of a free orbit"
-        )
-    if orbit.stable is False:
-        return AFTER_FOLD
-    sequence = contact_coefficients(orbit.shooting, orbit.point, monitor, SIGN_PERIODS)
+    sequence = None
+    if isinstance(monitor, ClosestApproachTest):
+        if orbit.stable is False:
+            return AFTER_FOLD
+        sequence = contact_coefficients(orbit.shooting, orbit.point, monitor, SIGN_PERIODS)
     if sequence is None:
-        problem = "has no type: it has events, or is a limit cycle in a plane"
-        raise InvalidParameter(field="orbit", value=None, allowed="", problem=problem)
+        raise OrbitError(
+            "the grazing has no type: its orbit has other events, or is a limit cycle in a plane",
+            "take a grazing of an orbit without impacts",
+        )
     return CONTINUOUS if stays_positive(sequence) else JUMP
 
 
@@ -500,7 +506,7 @@ def remove_event(orbit: PeriodicOrbit, monitor: ContactSpeedTest) -> OrbitGuess:
     return OrbitGuess(segments[:i] + segments[following:], states[keep], times)
 
 
-def neighbour(loss: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEvaluation, Floats]:
+def neighbour(loss: OrbitEvent, parameter: str) -> tuple[Shooting, ShootingEvaluation, Floats]:
     """Return the branch that joins at `loss`, by a run from an initial state slightly beyond.
 
     The run gives the sequence of events there. The orbit with this sequence lies beyond `loss`, or,
@@ -508,7 +514,7 @@ def neighbour(loss: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEval
 
     Parameters
     ----------
-    loss : BranchEvent
+    loss : OrbitEvent
         Point of a branch beyond which its sequence of events is inadmissible.
     parameter : str
 
@@ -531,20 +537,20 @@ def neighbour(loss: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEval
                 continue
             direction = tangent(point)
             free = shooting.free
-            moved = _first_state(shooting, point)[free] - begun.orbit.state[free]
+            moved = _first_state(shooting, point)[free] - begun.solution.state[free]
             onward = moved @ direction[: len(free)] + _gain(begun, point) * direction[-1]
             return shooting, point, direction if onward >= 0.0 else -direction
     raise OrbitError(NO_ORBIT_BEYOND, "find an orbit beyond it")
 
 
-def _starts(loss: BranchEvent, parameter: str) -> Iterator[BranchEvent]:
+def _starts(loss: OrbitEvent, parameter: str) -> Iterator[OrbitEvent]:
     """Yield a loss, then the same with its orbit begun one forcing period later.
 
     An event that meets the start of an orbit of several periods meets the start of a later period
     of the other, where a run passes it.
     """
     yield loss
-    orbit, shooting = loss.orbit, loss.orbit.shooting
+    orbit, shooting = loss.solution, loss.solution.shooting
     if orbit.periods == 1 or shooting.phase is not None:
         return
     cycles = [segment.cycle for segment in orbit.segments]
@@ -564,14 +570,14 @@ def _starts(loss: BranchEvent, parameter: str) -> Iterator[BranchEvent]:
     except CONTINUATION_ERRORS:
         return
     direction = np.append(loss.direction[:-1][unknowns], loss.direction[-1])
-    yield replace(loss, orbit=begun, direction=direction)
+    yield replace(loss, solution=begun, direction=direction)
 
 
 def _admissible_near(
-    loss: BranchEvent, parameter: str, distance: float
+    loss: OrbitEvent, parameter: str, distance: float
 ) -> Iterator[tuple[Shooting, ShootingEvaluation]]:
     """Yield admissible orbits with the sequences of runs from the virtual orbit beyond a loss."""
-    orbit, direction = loss.orbit, loss.direction
+    orbit, direction = loss.solution, loss.direction
     moved = distance * direction[-1]
     step = float(np.copysign(max(abs(moved), MIN_PARAMETER_SHARE * abs(distance)), moved))
     unknowns = orbit.point.unknowns + distance * direction[:-1]
@@ -626,11 +632,11 @@ def _first_state(shooting: Shooting, point: ShootingEvaluation) -> Floats:
     return np.asarray(shooting.unpack(point.unknowns)[0][0])
 
 
-def _gain(loss: BranchEvent, point: ShootingEvaluation) -> float:
+def _gain(loss: OrbitEvent, point: ShootingEvaluation) -> float:
     return float(point.values[0]) - loss.value
 
 
-def _joins(loss: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> bool:
+def _joins(loss: OrbitEvent, shooting: Shooting, point: ShootingEvaluation) -> bool:
     """Return whether orbits of this sequence approach `loss` as the parameter does."""
     back = (CONVERGENCE_RATIO - 1.0) * _gain(loss, point)
     try:
@@ -640,7 +646,7 @@ def _joins(loss: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> 
     except CONTINUATION_ERRORS:
         return False
     return not defects(shooting, near) and _approaches(
-        loss.orbit, loss.value, shooting, near, point
+        loss.solution, loss.value, shooting, near, point
     )
 
 

@@ -198,7 +198,7 @@ class NormalForm:
 
     See Also
     --------
-    SpecialPoint, EquilibriumPoint, continue_orbit
+    SpecialPoint, continue_solution
 
     Notes
     -----
@@ -212,7 +212,7 @@ class NormalForm:
     ...     return y.v, -y.x + (p.m - y.x**2) * y.v
     >>> system = mi.System(states=("x", "v"), flow=vanderpol, parameters={"m": -0.5})
     >>> (rest,) = mi.find_equilibria(system, guess={"x": 0.0})
-    >>> (hopf,) = mi.continue_equilibrium(rest, "m", stop=0.5).special_points
+    >>> (hopf,) = mi.continue_solution(rest, "m", stop=0.5).special_points
     >>> form = hopf.normal_form
     >>> form.equation, round(form.coefficient, 6), form.criticality
     ("z' = i omega z + l z |z|^2", -0.25, 'supercritical')

@@ -6,7 +6,7 @@ import contextlib
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -31,6 +31,7 @@ from mems_impact.continuation.arclength import (
     reason_of,
     tangent,
 )
+from mems_impact.continuation.branch import OrbitBranch, OrbitEvent, OrbitPoint
 from mems_impact.continuation.branching_equation import branch_direction
 from mems_impact.continuation.chatter_onset import (
     ACROSS_START,
@@ -45,11 +46,10 @@ from mems_impact.continuation.grazing import (
     changed_guard,
     neighbour,
 )
-from mems_impact.continuation.homoclinic import SlowPassage, has_large_error_growth, slow_passage
+from mems_impact.continuation.homoclinic import has_large_error_growth, slow_passage
 from mems_impact.continuation.sliding import ADDING_SLIDING, discontinuity, is_discontinuity
 from mems_impact.continuation.special_points import (
     MAX_VANISHING_LENGTH,
-    BranchEvent,
     admissible_bracket,
     classify,
     locate_choice,
@@ -92,7 +92,7 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, length_gradient
 from mems_impact.orbits.signature import BOUNDARY
 
-__all__ = ["BranchPoint", "OrbitBranch", "follow"]
+__all__ = ["follow"]
 
 # --- Other equations of the same orbits
 
@@ -225,65 +225,6 @@ BEYOND_BOUNDS = "the period grows beyond bounds"
 HALF_PERIOD = "the orbit of half the period, from which this branch bifurcates"
 
 
-@dataclass(frozen=True)
-class BranchPoint:
-    """One orbit on a branch.
-
-    Attributes
-    ----------
-    orbit : PeriodicOrbit
-    value : float
-        Of the parameter.
-    direction : float array
-        Tangent.
-    piece : int
-        Number of the signature on the branch, counted from 0.
-    """
-
-    orbit: PeriodicOrbit
-    value: float
-    direction: Floats
-    piece: int
-
-
-@dataclass
-class OrbitBranch:
-    """A branch of periodic orbits with its special points.
-
-    Attributes
-    ----------
-    parameter : str
-    points : list of BranchPoint
-    special_points : list of BranchEvent
-    ended : str
-        Reason for the end of the branch.
-    passage : SlowPassage, optional
-        Slow passage of the last limit cycle, if the period grows beyond bounds.
-    """
-
-    parameter: str
-    points: list[BranchPoint] = field(default_factory=list)
-    special_points: list[BranchEvent] = field(default_factory=list)
-    ended: str = ""
-    passage: SlowPassage | None = None
-
-    def joined(self, other: OrbitBranch) -> OrbitBranch:
-        """Return this branch, reversed, and then another branch from the same orbit."""
-        last = self.points[-1].piece
-        points = [
-            replace(point, direction=-point.direction, piece=last - point.piece)
-            for point in reversed(self.points)
-        ]
-        points += [replace(point, piece=last + point.piece) for point in other.points[1:]]
-        return OrbitBranch(
-            self.parameter,
-            points,
-            [*reversed(self.special_points), *other.special_points],
-            other.ended,
-            other.passage or self.passage,
-        )
-
-
 def follow(
     orbit: PeriodicOrbit,
     parameter: str,
@@ -322,7 +263,7 @@ def follow(
 
     Returns
     -------
-    OrbitBranch
+    SolutionBranch
         The points up to its end; `ended` is the reason.
     """
     branch = OrbitBranch(parameter)
@@ -347,7 +288,7 @@ def points_of(
     reconnecting: bool = True,
     functions: Sequence[FunctionTest] = (),
     stop_at: Collection[str] = (),
-) -> Iterator[BranchPoint]:
+) -> Iterator[OrbitPoint]:
     """Continue `orbit` as `follow` does, one point per iteration of the caller.
 
     `branch` is empty, in the parameter to vary; points and special points are appended to it.
@@ -381,7 +322,7 @@ def points_of(
         branch.ended = reason_of(error, orbit.family)
 
 
-class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
+class _BranchProblem(OrbitProblem[OrbitPoint, OrbitEvent]):
     """Orbits in one parameter, with changes of the signature."""
 
     branch: OrbitBranch
@@ -419,31 +360,31 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
     def record(self, point: ShootingEvaluation, direction: Floats) -> None:
         """Append an orbit to the branch."""
         orbit = make_orbit(self.shooting, point)
-        self.branch.points.append(BranchPoint(orbit, float(point.values[0]), direction, self.piece))
+        self.branch.points.append(OrbitPoint(orbit, float(point.values[0]), direction, self.piece))
 
-    def record_event(self, event: BranchEvent) -> None:
+    def record_event(self, event: OrbitEvent) -> None:
         """Append a special point, at which the branch ends, to its points."""
         self.branch.points.append(
-            BranchPoint(event.orbit, event.value, event.direction, self.piece)
+            OrbitPoint(event.solution, event.value, event.direction, self.piece)
         )
 
-    def accept(self, located: LocatedEvents[ShootingEvaluation, BranchEvent]) -> None:
+    def accept(self, located: LocatedEvents[ShootingEvaluation, OrbitEvent]) -> None:
         """Append the special points of a step to the branch."""
         assert self.bifurcations is not None
         self.branch.special_points[:] = self.bifurcations.without_spurious_folds(
-            self.branch.special_points, lambda each: each.orbit.point
+            self.branch.special_points, lambda each: each.solution.point
         )
         self.branch.special_points += located.events
 
     def pass_loss(
-        self, located: LocatedEvents[ShootingEvaluation, BranchEvent], length: float
+        self, located: LocatedEvents[ShootingEvaluation, OrbitEvent], length: float
     ) -> Restart[ShootingEvaluation] | str:
         """Continue with the signature of orbits beyond a loss, or end there."""
         loss, before = located.loss, located.before
         assert loss is not None
         assert before is not None
         if located.reason:
-            self.record(loss.orbit.point, loss.direction)
+            self.record(loss.solution.point, loss.direction)
             return located.reason
         ended = self._end_at_equilibrium(loss) or self._end_of_rest(loss)
         if ended:
@@ -451,13 +392,13 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         joined, reason = self._change_signature(loss)
         # If only the order of events changes, the motion is the same.
         passing = False
-        if joined is not None and _short_segments(loss.orbit.shooting, loss.orbit.point):
+        if joined is not None and _short_segments(loss.solution.shooting, loss.solution.point):
             loss = self._adding_sliding(loss, joined)
         if joined is not None and isinstance(loss.monitor, SegmentLengthTest):
-            guard = changed_guard(loss.orbit.shooting, joined[0])
+            guard = changed_guard(loss.solution.shooting, joined[0])
             passing = guard == NONE
             loss = self._named(loss, guard)
-        if not passing and not loss.orbit.defects:
+        if not passing and not loss.solution.defects:
             self.record_event(loss)
         if joined is None:
             return f"{loss.kind}: {reason}"
@@ -492,7 +433,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             return None
         value, orbit = float(point.values[0]), make_orbit(shooting, point)
         monitor = SegmentLengthTest(MEETING, shrinking[0])
-        loss = BranchEvent(MEETING, MEETING, value, orbit, direction, monitor)
+        loss = OrbitEvent(MEETING, MEETING, value, orbit, direction, monitor)
         try:
             joined = neighbour(loss, self.branch.parameter)
             touch = _touch_beyond(loss, joined)
@@ -518,13 +459,13 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             self.stalled()
         return BEYOND_BOUNDS if self.branch.passage is not None else ""
 
-    def _end_at_equilibrium(self, loss: BranchEvent) -> str:
+    def _end_at_equilibrium(self, loss: OrbitEvent) -> str:
         """Return the reason for an end where a cycle reaches a guard at an equilibrium; else empty.
 
         Near the equilibrium the rate of the guard is rounding, as the flow is.
         """
-        orbit = loss.orbit
-        passage = slow_passage([*(point.orbit for point in self.branch.points), orbit])
+        orbit = loss.solution
+        passage = slow_passage([*self.branch.solutions, orbit])
         if passage is None:
             return ""
         variational = orbit.shooting.variational(orbit.point.parameter_point)
@@ -537,14 +478,14 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
 
     def stalled(self) -> None:
         """Record the slow passage of the last limit cycle, if its period grows beyond bounds."""
-        self.branch.passage = slow_passage([point.orbit for point in self.branch.points])
+        self.branch.passage = slow_passage(self.branch.solutions)
 
-    def _end_of_rest(self, loss: BranchEvent) -> str:
+    def _end_of_rest(self, loss: OrbitEvent) -> str:
         """Return the reason for an end where a rest after chatter has length zero; else empty.
 
         The special point is reclassified and relocated, and orbits beyond it are removed.
         """
-        segments, m = loss.orbit.segments, loss.orbit.shooting.m
+        segments, m = loss.solution.segments, loss.solution.shooting.m
         if not isinstance(loss.monitor, SegmentLengthTest):
             return ""
         i = loss.monitor.segment
@@ -562,21 +503,21 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         while len(points) > 1 and (points[-1].value - onset.value) * onward > 0.0:
             points.pop()
         self.branch.points.append(
-            BranchPoint(onset.orbit, onset.value, onset.direction, self.piece)
+            OrbitPoint(onset.solution, onset.value, onset.direction, self.piece)
         )
         return f"{onset.kind}: {BEYOND_ONSET}"
 
-    def _change_signature(self, loss: BranchEvent) -> tuple[Joined | None, str]:
+    def _change_signature(self, loss: OrbitEvent) -> tuple[Joined | None, str]:
         """Return the branch that joins at `loss`, or None with the reason."""
         parameter = self.branch.parameter
         try:
             # The shortest excursions from sliding are known least, and a run finds longer ones.
             if not isinstance(loss.monitor, ModeChoiceTest) and not _adds_sliding(loss):
-                joined = change_signature(loss.orbit, loss.monitor, parameter)
+                joined = change_signature(loss.solution, loss.monitor, parameter)
                 if not defects(*joined[:2]):
                     return joined, ""
         except CONTINUATION_ERRORS as error:
-            reason = no_orbit_message(error, loss.orbit.family)
+            reason = no_orbit_message(error, loss.solution.family)
         else:
             reason = NO_ORBIT_BEYOND
         try:
@@ -585,7 +526,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             by_impact = loss.kind == GRAZING or ORBIT_CONTINUUM in reason
             return None, reason if by_impact else NO_ORBIT_BEYOND
 
-    def _adding_sliding(self, loss: BranchEvent, joined: Joined) -> BranchEvent:
+    def _adding_sliding(self, loss: OrbitEvent, joined: Joined) -> OrbitEvent:
         """Return the point at which the orbits beyond a loss touch the boundary of sliding.
 
         The length of an excursion from sliding is known to the root of the residual where it
@@ -600,18 +541,18 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         self.branch.special_points[-1] = touch
         return touch
 
-    def _named(self, event: BranchEvent, guard: int) -> BranchEvent:
+    def _named(self, event: OrbitEvent, guard: int) -> OrbitEvent:
         """Name a point of simultaneous events after the guard that gains or loses an event."""
         if guard == NONE:
             return event
-        kind = kind_of(event.orbit.shooting.automaton.guards[guard])
+        kind = kind_of(event.solution.shooting.automaton.guards[guard])
         renamed = replace(event, kind=kind, label=ORBIT_LABELS.get(kind, kind))
         self.branch.special_points[-1] = renamed
         return renamed
 
     def _reclassify_coincident(
         self,
-        event: BranchEvent,
+        event: OrbitEvent,
         earlier: ShootingEvaluation,
         shooting: Shooting,
         point: ShootingEvaluation,
@@ -627,21 +568,21 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             solution = solve(shooting, point.unknowns, np.array([event.value]))
         except CONTINUATION_ERRORS:
             solution = point
-        before = CIRCLE.spectrum(monodromy_factors(event.orbit.shooting, earlier))
+        before = CIRCLE.spectrum(monodromy_factors(event.solution.shooting, earlier))
         after = CIRCLE.spectrum(monodromy_factors(shooting, solution))
         passing = CIRCLE.crossings(before, after)
         changed = [_kind_of(complex(before.values[i])) for i, _ in passing]
         if event.direction[-1] * direction[-1] < 0.0:
             changed.insert(0, FOLD)
         assert isinstance(event.monitor, SegmentLengthTest)
-        i, segments = event.monitor.segment, event.orbit.segments
-        at_switch = 2 * event.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
+        i, segments = event.monitor.segment, event.solution.segments
+        at_switch = 2 * event.solution.shooting.m in (segments[i - 1].code, segments[i].code)
         # By identity, since comparing events compares arrays.
         self.branch.special_points[:] = [s for s in self.branch.special_points if s is not event]
         if (at_switch and changed) or (not at_switch and not changed and _jumps(before, after)):
             self.branch.special_points.append(event)
         elif changed:
-            orbit, test = event.orbit, bifurcation_test(changed[0])
+            orbit, test = event.solution, bifurcation_test(changed[0])
             special = classify(test, orbit.shooting, orbit.point, event.direction)
             self.branch.special_points += [special] if special else []
 
@@ -651,13 +592,13 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         length: float,
         before: Mapping[TestFunction, float],
         after: Mapping[TestFunction, float],
-    ) -> LocatedEvents[ShootingEvaluation, BranchEvent]:
+    ) -> LocatedEvents[ShootingEvaluation, OrbitEvent]:
         """Locate all special points of a step, up to a loss."""
         shooting = self.shooting
 
         def crossed(
             after: Mapping[TestFunction, float], reach: float
-        ) -> list[tuple[float, BranchEvent]]:
+        ) -> list[tuple[float, OrbitEvent]]:
             zeros = [
                 locate_zero(shooting, step, reach, monitor)
                 for monitor, value in before.items()
@@ -711,15 +652,15 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         self,
         shooting: Shooting,
         step: PredictorStep[ShootingEvaluation],
-        loss: tuple[float, BranchEvent],
-    ) -> tuple[float, BranchEvent] | None:
+        loss: tuple[float, OrbitEvent],
+    ) -> tuple[float, OrbitEvent] | None:
         """Locate a change of the mode after an event at or just before a loss, if there is one."""
         choice = locate_choice(shooting, step, loss[0])
         if choice is not None or not self._requires_admissibility:
             return choice
         # Beyond such a change a margin is zero up to rounding, and its sign is arbitrary.
         begin = max(loss[0] - COMMON_CAUSE_DISTANCE, 0.0)
-        if not loss[1].orbit.defects or self._is_inadmissible(shooting, step, begin):
+        if not loss[1].solution.defects or self._is_inadmissible(shooting, step, begin):
             return None
         bracket, _ = admissible_bracket(shooting, step, begin, loss[0])
         return locate_choice(shooting, step, bracket)
@@ -729,28 +670,28 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         shooting: Shooting,
         step: PredictorStep[ShootingEvaluation],
         position: float,
-        special: BranchEvent,
-    ) -> BranchEvent:
+        special: OrbitEvent,
+    ) -> OrbitEvent:
         """Return a loss with the last admissible orbit before it.
 
         At the loss itself a margin is zero, and rounding determines its sign.
         """
         back = COINCIDENT * 1e-2
         while (
-            special.orbit.defects
+            special.solution.defects
             and back < min(COMMON_CAUSE_DISTANCE, position)
             and self._requires_admissibility
         ):
             orbit = make_orbit(shooting, step.at(position - back).point)
             if orbit.admissible:
-                return replace(special, orbit=orbit)
+                return replace(special, solution=orbit)
             back *= 10.0
         return special
 
     @property
     def _requires_admissibility(self) -> bool:
         """Whether the branch is restricted to admissible orbits."""
-        return self.reconnecting and self.branch.points[-1].orbit.admissible
+        return self.reconnecting and self.branch.points[-1].solution.admissible
 
     def _is_inadmissible(
         self, shooting: Shooting, step: PredictorStep[ShootingEvaluation], reach: float
@@ -765,7 +706,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         length: float,
         before: Mapping[TestFunction, float],
         after: Mapping[TestFunction, float],
-    ) -> list[tuple[float, BranchEvent]]:
+    ) -> list[tuple[float, OrbitEvent]]:
         """Return folds, branch points and changes of stability, with their positions."""
         if self.bifurcations is None or self.bifurcations.equations is not shooting:
             short = UNEXPLAINED_STEP_RATIO * self.steps.max_step
@@ -793,7 +734,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
 
     def _function_zeros(
         self, shooting: Shooting, step: PredictorStep[ShootingEvaluation], length: float
-    ) -> list[tuple[float, BranchEvent]]:
+    ) -> list[tuple[float, OrbitEvent]]:
         """Return the zeros of the user's functions, with their positions."""
         if self.functions.equations is not shooting:
             self.functions = FunctionZeros(shooting, self.functions.tests)
@@ -817,7 +758,7 @@ def _short_segments(shooting: Shooting, point: ShootingEvaluation) -> list[int]:
     return [i for i in order.tolist() if NONE not in (codes[i - 1], codes[i])]
 
 
-def _adds_sliding(event: BranchEvent) -> bool:
+def _adds_sliding(event: OrbitEvent) -> bool:
     """Return whether a sliding orbit touches the boundary of its sliding region at a point."""
     if not isinstance(event.monitor, ClosestApproachTest) or not is_discontinuity(event):
         return False
@@ -827,7 +768,7 @@ def _adds_sliding(event: BranchEvent) -> bool:
         return False
 
 
-def _touch_beyond(loss: BranchEvent, joined: Joined) -> BranchEvent:
+def _touch_beyond(loss: OrbitEvent, joined: Joined) -> OrbitEvent:
     """Return the point at which orbits without the short segments of a loss touch their guards.
 
     Raises
@@ -836,10 +777,10 @@ def _touch_beyond(loss: BranchEvent, joined: Joined) -> BranchEvent:
         If it is not found.
     """
     shooting, start, onward = joined
-    before = loss.orbit.segments
+    before = loss.solution.segments
     touches = [
         ClosestApproachTest(kind_of(shooting.automaton.guards[guard]), guard)
-        for i in _short_segments(loss.orbit.shooting, loss.orbit.point)
+        for i in _short_segments(loss.solution.shooting, loss.solution.point)
         if (guard := before[i - 1].guard(shooting.m)) != NONE
     ]
     rooms = [test.value(shooting, start, onward) for test in touches]

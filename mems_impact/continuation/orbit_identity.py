@@ -15,9 +15,8 @@ from mems_impact.continuation.arclength import (
     PredictorStep,
     correct,
 )
-from mems_impact.continuation.equilibrium_branch import SAME_EQUILIBRIUM_DISTANCE, Equilibria
-from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch
-from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.branch import EquilibriumBranch, OrbitBranch, OrbitEvent, OrbitPoint
+from mems_impact.continuation.equilibrium_branch import SAME_EQUILIBRIUM_DISTANCE
 from mems_impact.continuation.test_functions import FOLD
 from mems_impact.orbits.equilibrium import EquilibriumState, find_equilibrium
 from mems_impact.orbits.newton import solve
@@ -75,7 +74,7 @@ def orbit_on_branch(branch: OrbitBranch, orbit: PeriodicOrbit) -> bool:
     return False
 
 
-def _with_folds(branch: OrbitBranch, value: float) -> list[BranchPoint]:
+def _with_folds(branch: OrbitBranch, value: float) -> list[OrbitPoint]:
     """Return the points of a branch and its folds near a value.
 
     A step across a fold contains orbits at values that are not between the values of its ends.
@@ -90,16 +89,14 @@ def _with_folds(branch: OrbitBranch, value: float) -> list[BranchPoint]:
     for position, each in sorted(folds, key=lambda item: -item[0]):
         i = math.floor(position)
         if position > i:
-            added = BranchPoint(each.orbit, each.value, each.direction, points[i].piece)
+            added = OrbitPoint(each.solution, each.value, each.direction, points[i].piece)
             points.insert(i + 1, added)
     return points
 
 
-def _is_near(
-    own: Shooting, point: ShootingEvaluation, begin: BranchPoint, end: BranchPoint
-) -> bool:
+def _is_near(own: Shooting, point: ShootingEvaluation, begin: OrbitPoint, end: OrbitPoint) -> bool:
     """Return whether an orbit may lie on a step of a branch."""
-    one, other = begin.orbit, end.orbit
+    one, other = begin.solution, end.solution
     if (own.phase is None) != (one.shooting.phase is None):
         return False
     if own.phase is not None:
@@ -134,17 +131,17 @@ def _distance(one: PeriodicOrbit, other: PeriodicOrbit) -> float:
 
 
 def _between(
-    begin: BranchPoint, end: BranchPoint, value: float
+    begin: OrbitPoint, end: OrbitPoint, value: float
 ) -> tuple[Shooting, ShootingEvaluation]:
     """Return the orbit of a branch at a value of the parameter between two of its orbits."""
-    one, other = begin.orbit, end.orbit
+    one, other = begin.solution, end.solution
     shooting = one.shooting
     first = np.append(one.point.unknowns, begin.value)
     last = np.append(other.point.unknowns, end.value)
     if one.segments != other.segments or shooting.phase != other.shooting.phase:
         near = begin if abs(begin.value - value) < abs(end.value - value) else end
-        shooting = near.orbit.shooting
-        return shooting, solve(shooting, near.orbit.point.unknowns, np.array([value]))
+        shooting = near.solution.shooting
+        return shooting, solve(shooting, near.solution.point.unknowns, np.array([value]))
     length = float(np.linalg.norm(last - first))
     if length == 0.0:
         return shooting, one.point
@@ -153,11 +150,11 @@ def _between(
     return shooting, step.at(position).point
 
 
-def equilibrium_on_branch(branch: Equilibria, state: EquilibriumState) -> bool:
+def equilibrium_on_branch(branch: EquilibriumBranch, state: EquilibriumState) -> bool:
     """Return whether an equilibrium lies on a branch in its parameter."""
     parameter = branch.parameter
     value = state.family.value(parameter)
-    for begin, end in pairwise(branch.points):
+    for begin, end in pairwise(branch.solutions):
         first, last = (each.family.value(parameter) for each in (begin, end))
         if begin.mode != state.mode or (first - value) * (last - value) > 0.0:
             continue
@@ -183,7 +180,7 @@ def up_to_cover(branch: OrbitBranch) -> OrbitBranch:
 
     A grazing may lead to an orbit of a part of the period, which is covered several times.
     """
-    covers = [covered_period(point.orbit) for point in branch.points]
+    covers = [covered_period(orbit) for orbit in branch.solutions]
     first = next((i for i, cover in enumerate(covers) if not cover), len(covers))
     cut = next(
         (
@@ -202,7 +199,7 @@ def up_to_cover(branch: OrbitBranch) -> OrbitBranch:
     return OrbitBranch(branch.parameter, points, kept, ended)
 
 
-def _last_kind(events: list[BranchEvent]) -> str:
+def _last_kind(events: list[OrbitEvent]) -> str:
     return events[-1].kind if events else "special point"
 
 
@@ -221,14 +218,14 @@ def covered_period(orbit: PeriodicOrbit) -> int:
     return 0
 
 
-def _position(branch: OrbitBranch, special: BranchEvent) -> float:
+def _position(branch: OrbitBranch, special: OrbitEvent) -> float:
     """Return the position of a special point among the points of its branch, by number."""
-    own = np.append(special.orbit.point.unknowns, special.value)
+    own = np.append(special.solution.point.unknowns, special.value)
     best = (math.inf, 0.0)
     for i, (begin, end) in enumerate(pairwise(branch.points)):
-        if special.orbit is begin.orbit:
+        if special.solution is begin.solution:
             return float(i)
-        first, last = (np.append(p.orbit.point.unknowns, p.value) for p in (begin, end))
+        first, last = (np.append(p.solution.point.unknowns, p.value) for p in (begin, end))
         if not first.size == last.size == own.size:
             continue
         chord = last - first

@@ -30,7 +30,8 @@ from typing import Any
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact.continuation.special_points import MAX_VANISHING_LENGTH, BranchEvent
+from mems_impact.continuation.branch import OrbitEvent
+from mems_impact.continuation.special_points import MAX_VANISHING_LENGTH
 from mems_impact.continuation.test_functions import (
     CHATTER_ONSET,
     GRAZING,
@@ -144,14 +145,14 @@ class Discontinuity:
     tangency: Tangency | None = None
 
 
-def is_discontinuity(event: BranchEvent) -> bool:
+def is_discontinuity(event: OrbitEvent) -> bool:
     """Return whether a guard is touched at a special point, or events coincide there."""
     by_impact = event.kind == GRAZING and isinstance(event.monitor, TOUCH_TESTS)
     known = by_impact or event.kind == CHATTER_ONSET
     return isinstance(event.monitor, GUARD_TESTS) and not known
 
 
-def discontinuity(event: BranchEvent) -> Discontinuity:
+def discontinuity(event: OrbitEvent) -> Discontinuity:
     """Classify a special point for which `is_discontinuity` holds.
 
     Raises
@@ -201,8 +202,8 @@ class Junction:
     Segments that vanish at the point are part of it.
     """
 
-    def __init__(self, event: BranchEvent) -> None:
-        orbit = event.orbit
+    def __init__(self, event: OrbitEvent) -> None:
+        orbit = event.solution
         self.event, self.shooting, self.point = event, orbit.shooting, orbit.point
         self.automaton, self.m = self.shooting.automaton, self.shooting.m
         self.parameters = np.asarray(orbit.problem.parameters, dtype=float)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.bisection import bisect
 from mems_impact.continuation.arclength import PredictorStep, tangent
+from mems_impact.continuation.branch import OrbitEvent
 from mems_impact.continuation.test_functions import (
     BRANCH_POINT,
     FOLD,
@@ -42,38 +41,9 @@ MAX_VANISHING_LENGTH = 1e-3  # length below which a segment vanishes at a locate
 HALF_PERIOD_RTOL = 2e-3  # largest relative difference between the halves of a double cover
 
 
-@dataclass(frozen=True)
-class BranchEvent:
-    """A located special point of a branch.
-
-    Attributes
-    ----------
-    kind : str
-        "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point", "onset of complete
-        chatter", "unexplained" (a change of stability), or the name of the guard whose margin is
-        zero.
-    label : str
-        G, CF and PD as in the paper; NS, BP, CC, ?; else the kind.
-    value : float
-        Of the parameter.
-    orbit : PeriodicOrbit
-    direction : float array
-        Tangent of the branch.
-    monitor : TestFunction
-        The test function that is zero.
-    """
-
-    kind: str
-    label: str
-    value: float
-    orbit: PeriodicOrbit = field(repr=False)
-    direction: Floats = field(repr=False)
-    monitor: TestFunction = field(repr=False)
-
-
 def locate_zero(
     shooting: Shooting, step: PredictorStep, length: float, monitor: TestFunction
-) -> tuple[float, BranchEvent] | None:
+) -> tuple[float, OrbitEvent] | None:
     """Locate the zero of `monitor` within the first `length` of a step.
 
     Return the position in the step with the point, or None if the sign change is no zero.
@@ -101,7 +71,7 @@ def locate_zero(
 
 def locate_defect(
     shooting: Shooting, step: PredictorStep[ShootingEvaluation], length: float
-) -> tuple[float, BranchEvent]:
+) -> tuple[float, OrbitEvent]:
     """Locate the last admissible orbit within the first `length` of a step.
 
     The search detects losses without a zero of a test function: an event leads to another mode, or
@@ -140,7 +110,7 @@ def admissible_bracket(
 
 def locate_choice(
     shooting: Shooting, step: PredictorStep[ShootingEvaluation], position: float
-) -> tuple[float, BranchEvent] | None:
+) -> tuple[float, OrbitEvent] | None:
     """Locate a change of the mode after an event of an orbit near `position`, if there is one.
 
     Raises
@@ -172,7 +142,7 @@ def _turn(
     step: PredictorStep[ShootingEvaluation],
     position: float,
     monitor: ModeChoiceTest,
-) -> tuple[float, BranchEvent]:
+) -> tuple[float, OrbitEvent]:
     def margin(point: ShootingEvaluation) -> float:
         return float(choice_margins(shooting, point, monitor.segment, monitor.mode)[monitor.guard])
 
@@ -185,16 +155,16 @@ def _event_at(
     step: PredictorStep[ShootingEvaluation],
     position: float,
     monitor: TestFunction,
-) -> tuple[float, BranchEvent]:
+) -> tuple[float, OrbitEvent]:
     here = step.at(position).point
     orbit, direction = make_orbit(shooting, here), tangent(here, step.direction)
     label, value = ORBIT_LABELS.get(monitor.kind, monitor.kind), float(here.values[0])
-    return position, BranchEvent(monitor.kind, label, value, orbit, direction, monitor)
+    return position, OrbitEvent(monitor.kind, label, value, orbit, direction, monitor)
 
 
 def classify(
     monitor: TestFunction, shooting: Shooting, here: ShootingEvaluation, direction: Floats
-) -> BranchEvent | None:
+) -> OrbitEvent | None:
     """Return the special point at a sign change of `monitor`; None if it is not a zero.
 
     A test function may change its sign at infinity (an impact at zero speed), and the product of
@@ -221,22 +191,22 @@ def classify(
     if kind in (FOLD, BRANCH_POINT) and is_double_cover(orbit):
         kind, monitor = PERIOD_DOUBLING, FoldTest()
     label, value = ORBIT_LABELS.get(kind, kind), float(here.values[0])
-    return BranchEvent(kind, label, value, orbit, direction, monitor)
+    return OrbitEvent(kind, label, value, orbit, direction, monitor)
 
 
-def priority(special: BranchEvent) -> tuple[int, bool, int]:
+def priority(special: OrbitEvent) -> tuple[int, bool, int]:
     """Return the rank of a loss among several at one point; the lowest one determines the change.
 
     At a contact at zero speed, margins of the events that it causes are zero as well, and the event
     that reverses it has zero speed and ends a vanishing segment. Where two events coincide, a
     margin is zero at an end of a segment.
     """
-    monitor, point = special.monitor, special.orbit.point
+    monitor, point = special.monitor, special.solution.point
     if isinstance(monitor, ContactSpeedTest):
         i = monitor.segment
         return 0, bool(point.ends[i] - point.starts[i] < MAX_VANISHING_LENGTH), i
     if isinstance(monitor, ClosestApproachTest):
-        touch = closest_approach(special.orbit.shooting, point, monitor.guard)
+        touch = closest_approach(special.solution.shooting, point, monitor.guard)
         return 1 if touch is not None and touch.inside else 3, False, monitor.guard
     assert isinstance(monitor, SegmentLengthTest | ModeChoiceTest)
     return 2, False, monitor.segment

@@ -197,7 +197,7 @@ def with_special_points(
             orbit = mi.find_orbit(take_snapshot(subject, setting, watch).run)
             for stop, back in ((high, low), (low, high)):
                 if stop != value:
-                    branch = mi.continue_orbit(
+                    branch = mi.continue_solution(
                         orbit, name, stop, back=back, progress=watch or False
                     )
                     tables.append(branch.special_table.reindex(columns=columns))

@@ -67,11 +67,11 @@ MARKER_FACE = "white"  # of subcritical and branch points, and points named afte
 
 
 class Diagram(Protocol):
-    """Interface of `Branch` and `EquilibriumBranch` for `plot_branch`."""
+    """Interface of `Branch` for `plot_branch`."""
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row per orbit, the parameter first."""
+        """One row per solution, the parameter first."""
 
     @property
     def special_table(self) -> pd.DataFrame:
@@ -94,7 +94,7 @@ def plot_branch(
 
     Parameters
     ----------
-    branch : Branch or EquilibriumBranch, or sequence of these
+    branch : Branch, or sequence of these
     sweep : Sweep or DataFrame, optional
         A sweep over the same parameter, or its table, drawn as dots below the branches.
     ax : matplotlib Axes, optional
@@ -116,7 +116,7 @@ def plot_branch(
 
     See Also
     --------
-    continue_orbit, Branch, plot_sweep
+    continue_solution, Branch, plot_sweep
 
     Examples
     --------
@@ -124,13 +124,13 @@ def plot_branch(
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> branch = mi.continue_solution(orbit, "amplitude", stop=0.17)
     >>> mi.plot_branch(branch).figure.savefig("branch.png")
     """
     diagrams = list(branch) if isinstance(branch, Sequence) else [branch]
     for diagram in diagrams:
         if not hasattr(diagram, "special_table"):
-            allowed = "a Branch, as mems_impact.continue_orbit returns it"
+            allowed = "a Branch, as mems_impact.continue_solution returns it"
             raise InvalidParameter("branch", type(diagram).__name__, allowed)
     first = diagrams[0].table
     parameter, state = first.columns[0], _ordinate(first, quantity)
@@ -346,7 +346,7 @@ def plot_curve(curve: Curve | Sequence[Curve], ax: Any = None) -> Any:
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> branch = mi.continue_solution(orbit, "amplitude", stop=0.17)
     >>> curve = mi.continue_curve(branch.special_points[0], "omega", stop=0.505)
     >>> mi.plot_curve(curve).figure.savefig("curve.png")
     """

@@ -448,7 +448,7 @@ def continue_attractors(
 
     See Also
     --------
-    AttractorBranches, basins, continue_orbit
+    AttractorBranches, basins, continue_solution
 
     Examples
     --------

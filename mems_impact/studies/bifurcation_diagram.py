@@ -31,10 +31,8 @@ from mems_impact.analysis.attractor import (
 from mems_impact.analysis.branch import (
     BRANCH_STEPS,
     Branch,
-    EquilibriumBranch,
     checked_range,
-    continue_equilibrium,
-    continue_orbit,
+    continue_solution,
     joined_branch,
     no_orbits,
     switch_branch,
@@ -42,8 +40,9 @@ from mems_impact.analysis.branch import (
 from mems_impact.analysis.equilibrium import Equilibrium, checked_box, find_equilibria
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, Orbit, find_orbit, orbit_of
 from mems_impact.analysis.simulate import simulate
-from mems_impact.analysis.special_points import EquilibriumPoint, SpecialPoint
+from mems_impact.analysis.special_points import SpecialPoint
 from mems_impact.continuation.arclength import CLOSED, StepControl
+from mems_impact.continuation.branch import EquilibriumBranch, OrbitBranch
 from mems_impact.continuation.orbit_identity import (
     covered_period,
     equilibrium_on_branch,
@@ -61,6 +60,7 @@ from mems_impact.errors import (
 )
 from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.integrators.options import Options
+from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.orbits.orbit_search import find_cycle, find_periodic_orbit
 from mems_impact.studies.engine.store import difference
 from mems_impact.studies.engine.study import frame
@@ -90,8 +90,8 @@ if TYPE_CHECKING:
 
 __all__ = ["BifurcationDiagram", "bifurcation_diagram"]
 
-AnyBranch = Branch | EquilibriumBranch
-AnyPoint = SpecialPoint | EquilibriumPoint
+AnyBranch = Branch[Any]
+AnyPoint = SpecialPoint[Any]
 
 DIAGRAM_RECURRENCE = RecurrenceOptions(chaos_persistence=1.0)
 SAME_VALUE_RTOL = 1e-7  # largest relative difference of the values of one special point
@@ -120,12 +120,12 @@ class BifurcationDiagram(Result):
     system : System
     parameter : str
     bounds : tuple of float
-    branches : tuple of Branch or EquilibriumBranch
+    branches : tuple of Branch
         Each once.
     parents : tuple of int or None
         For each branch the number of the branch from which it emanates; None for a branch found
         from an attractor or by a search.
-    origins : tuple of SpecialPoint, EquilibriumPoint or None
+    origins : tuple of SpecialPoint or None
         The special point of the parent at which the branch emanates.
     attractors : DataFrame
         One row per attractor and value: the parameter, motion, period, the number of its branch (-1
@@ -264,7 +264,7 @@ class BifurcationDiagram(Result):
 
 def _up_to_cover(branch: AnyBranch) -> AnyBranch:
     """Return a branch up to the point where its orbits become those of a smaller period."""
-    if isinstance(branch, EquilibriumBranch):
+    if not isinstance(branch.numeric, OrbitBranch):
         return branch
     shortened = up_to_cover(branch.numeric)
     if shortened is branch.numeric:
@@ -284,11 +284,11 @@ def _value_text(value: float) -> str:
 
 
 def _kind(branch: AnyBranch) -> str:
-    if isinstance(branch, EquilibriumBranch):
-        return "equilibria"
+    if branch.of == "equilibria":
+        return branch.of
     if not branch.system.forced:
         return "cycles"
-    return f"period {branch.numeric.points[0].orbit.periods}"
+    return f"period {branch.orbits[0].periods}"
 
 
 def _joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -306,17 +306,14 @@ def _joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 def _same_point(one: AnyPoint, other: AnyPoint) -> bool:
     """Return whether two special points of branches are the same."""
-    if one.kind != other.kind or type(one) is not type(other):
+    a, b = one.solution.numeric, other.solution.numeric
+    if one.kind != other.kind or type(a) is not type(b):
         return False
     if abs(one.value - other.value) > SAME_VALUE_RTOL * max(1.0, abs(one.value)):
         return False
-    if isinstance(one, EquilibriumPoint) and isinstance(other, EquilibriumPoint):
-        states = (np.array(s.equilibrium.numeric.state) for s in (one, other))
-        return float(np.abs(next(states) - next(states)).max(initial=0.0)) < SAME_ATTRACTOR_RTOL
-    assert isinstance(one, SpecialPoint)
-    assert isinstance(other, SpecialPoint)
-    pair = one.orbit.numeric, other.orbit.numeric
-    return any(same_orbit(a, b, one.parameter) for a, b in (pair, pair[::-1]))
+    if isinstance(a, EquilibriumState):
+        return float(np.abs(a.state - b.state).max(initial=0.0)) < SAME_ATTRACTOR_RTOL
+    return same_orbit(a, b, one.parameter) or same_orbit(b, a, one.parameter)
 
 
 # --- Attractors by runs
@@ -660,10 +657,11 @@ class DiagramBuilder:
     def _number(self, solution: Orbit | Equilibrium) -> int | None:
         """Return the number of the known branch on which an orbit or equilibrium lies."""
         for i, branch in enumerate(self.branches):
-            if isinstance(branch, Branch) and isinstance(solution, Orbit):
-                on = orbit_on_branch(branch.numeric, solution.numeric)
-            elif isinstance(branch, EquilibriumBranch) and isinstance(solution, Equilibrium):
-                on = equilibrium_on_branch(branch.numeric, solution.numeric)
+            numeric = branch.numeric
+            if isinstance(numeric, OrbitBranch) and isinstance(solution, Orbit):
+                on = orbit_on_branch(numeric, solution.numeric)
+            elif isinstance(numeric, EquilibriumBranch) and isinstance(solution, Equilibrium):
+                on = equilibrium_on_branch(numeric, solution.numeric)
             else:
                 continue
             if on:
@@ -688,16 +686,14 @@ class DiagramBuilder:
 
     def _branch_through(self, start: Any) -> Any:
         """Return the branch through an orbit or equilibrium."""
-        options = {} if self.steps is None else {"steps": self.steps}
-        verb: Any = continue_orbit if isinstance(start, Orbit) else continue_equilibrium
         current, (low, high) = start.system.value(self.parameter), self.bounds
         halves: list[Any] = []
         for stop, back in ((high, low), (low, high)):
             if stop == current:
                 continue
             inside = min(max(back, low), high)
-            through = verb(
-                start, self.parameter, stop, back=inside, progress=self._passed, **options
+            through = continue_solution(
+                start, self.parameter, stop, back=inside, steps=self.steps, progress=self._passed
             )
             half: Any = _up_to_cover(through)
             halves.append(half)
@@ -730,7 +726,7 @@ class DiagramBuilder:
         for special in self.branches[number].special_points:
             if special.label not in ("PD", "BP", "H"):
                 continue
-            if isinstance(special, SpecialPoint) and isinstance(special.numeric.monitor, FoldTest):
+            if isinstance(special.numeric.monitor, FoldTest):
                 if special.label == "PD":
                     self._find_parent(number, special)
                 continue
@@ -753,8 +749,7 @@ class DiagramBuilder:
 
     def _switch(self, number: int, special: AnyPoint) -> None:
         """Add the branch that emanates at a special point, unless it is known or too long."""
-        periods = special.orbit.periods if isinstance(special, SpecialPoint) else 0
-        if special.label == "PD" and 2 * periods > self.longest:
+        if special.label == "PD" and 2 * special.orbit.periods > self.longest:
             return
         bounds = self.bounds
         if not bounds[0] < special.value < bounds[1]:
@@ -766,7 +761,7 @@ class DiagramBuilder:
                 bounds=bounds,
                 steps=replace(steps, max_points=min(steps.max_points, PROBE_POINTS)),
             )
-            child = self._known_probe(probe)
+            child = self._number(probe.solutions[-1])
             if child is not None:
                 self._set_parent(child, number, special)
                 return
@@ -777,15 +772,9 @@ class DiagramBuilder:
             branch = _up_to_cover(branch)
         self._add(branch, number, special)
 
-    def _known_probe(self, probe: AnyBranch) -> int | None:
-        """Return the number of the known branch on which the last point of a branch lies."""
-        if isinstance(probe, EquilibriumBranch):
-            return self._number(probe.equilibria[-1])
-        return self._number(probe.orbits[-1])
-
-    def _find_parent(self, number: int, special: SpecialPoint) -> None:
+    def _find_parent(self, number: int, special: AnyPoint) -> None:
         """Add the branch of half the period at which a branch ends."""
-        orbit = special.numeric.orbit
+        orbit = special.orbit.numeric
         try:
             if special.orbit.system.forced:
                 half = find_periodic_orbit(orbit.family, orbit.instant, periods=orbit.periods // 2)
@@ -1012,7 +1001,7 @@ def bifurcation_diagram(
 
     See Also
     --------
-    BifurcationDiagram, plot_diagram, continue_orbit, switch_branch, sweep
+    BifurcationDiagram, plot_diagram, continue_solution, switch_branch, sweep
 
     Examples
     --------

@@ -14,7 +14,8 @@ from mems_impact._util.arrays import Floats
 from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.special_points import check_kind
 from mems_impact.continuation.arclength import StepControl
-from mems_impact.continuation.orbit_branch import OrbitBranch, points_of
+from mems_impact.continuation.branch import OrbitBranch
+from mems_impact.continuation.orbit_branch import points_of
 from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.differences import sixth_order_difference
@@ -368,7 +369,7 @@ def _continued(orbit: Orbit, target: Mapping[str, float]) -> PeriodicOrbit:
         if passed:
             raise OrbitError(f"{passed[0].kind} on the way", LINE_REMEDY)
         if point.value == 1.0:
-            return point.orbit
+            return point.solution
     raise OrbitError(branch.ended, LINE_REMEDY)
 
 
@@ -408,7 +409,7 @@ def bifurcation_margins(orbit: Orbit, over: Sequence[str], reach: float = 0.5) -
 
     See Also
     --------
-    sensitivity, continue_orbit, period_one_window
+    sensitivity, continue_solution, period_one_window
 
     Examples
     --------

@@ -453,7 +453,7 @@ def sweep(
 
     See Also
     --------
-    Sweep, plot_sweep, steady_state, operating_map, continue_orbit
+    Sweep, plot_sweep, steady_state, operating_map, continue_solution
 
     Notes
     -----

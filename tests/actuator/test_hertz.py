@@ -66,8 +66,8 @@ def test_runs_sweeps_and_branches_are_those_of_omega(tmp_path):
     assert table.attrs["units"]["frequency"] == "Hz"
     quiet = drive.replace(amplitude=10.0)
     orbit = mi.find_orbit(MITA, quiet)
-    branch = mi.continue_orbit(orbit, "frequency", stop=115.0)
-    same = mi.continue_orbit(
+    branch = mi.continue_solution(orbit, "frequency", stop=115.0)
+    same = mi.continue_solution(
         mi.find_orbit(MITA, quiet.replace(omega=quiet.omega)), "omega", stop=230.0 * math.pi
     )
     ends = [each.orbits[-1].state.as_dict() for each in (branch, same)]

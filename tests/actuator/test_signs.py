@@ -181,9 +181,9 @@ def test_orbits_sweeps_and_speeds_with_the_period_of_the_voltage():
     assert orbit.step == pytest.approx(2.0 * paper.step, rel=1e-8)
     squares = np.sort(np.abs(paper.multipliers)) ** 2
     np.testing.assert_allclose(np.sort(np.abs(orbit.multipliers)), squares, atol=1e-7)
-    branches = [mi.continue_orbit(each, "amplitude", stop=0.16) for each in (paper, orbit)]
+    branches = [mi.continue_solution(each, "amplitude", stop=0.16) for each in (paper, orbit)]
     # The sign is told already where a bias sets in, and the period stays.
-    biased = mi.continue_orbit(orbit, "bias", stop=0.01).orbits[-1]
+    biased = mi.continue_solution(orbit, "bias", stop=0.01).orbits[-1]
     other = mi.find_orbit(mi.simulate(ZHAO, drive.replace(bias=0.01), periods=150))
     assert biased.period == pytest.approx(other.period, rel=1e-14)
     assert biased.step == pytest.approx(other.step, rel=1e-6)

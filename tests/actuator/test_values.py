@@ -129,7 +129,7 @@ def results():
     mita = mi.load_actuator("mita2003")
     run = mi.simulate(ZHAO, SINE, 40)
     orbit = mi.find_orbit(run)
-    branch = mi.continue_orbit(orbit, "amplitude", 0.16, back=0.24)
+    branch = mi.continue_solution(orbit, "amplitude", 0.16, back=0.24)
     fold = branch.special_points[0]
     return {
         "run": run,
@@ -167,7 +167,7 @@ def test_results_come_back_whole(name, tmp_path):
 def test_a_loaded_orbit_is_continued_bit_for_bit(tmp_path):
     results()["orbit"].save(tmp_path / "orbit")
     loaded = mi.load(tmp_path / "orbit")
-    assert mi.continue_orbit(loaded, "amplitude", 0.16, back=0.24) == results()["branch"]
+    assert mi.continue_solution(loaded, "amplitude", 0.16, back=0.24) == results()["branch"]
 
 
 @pytest.mark.slow

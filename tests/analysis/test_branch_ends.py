@@ -50,7 +50,7 @@ def test_a_contact_that_fails_ends_the_branch_where_it_is_grazed(rebound, reason
     )
     start = mi.State(x=1.0 / 1.04, v=0.2 / 1.04)
     orbit = mi.find_orbit(system, guess=start, options=PLAIN)
-    branch = mi.continue_orbit(orbit, "A", 1.1)
+    branch = mi.continue_solution(orbit, "A", 1.1)
     assert len(branch) > 1
     (grazing,) = branch.special_points
     assert grazing.value == pytest.approx(GRAZING, abs=1e-9)
@@ -93,7 +93,9 @@ def test_orbits_that_lie_side_by_side_are_reported():
     """A rattler that touches neither stop may swing about any place between them."""
     orbit = mi.find_orbit(mi.simulate(rattler(0.01), periods=300))
     assert np.abs(orbit.multipliers - 1.0).min() < 1e-9
-    branch = mi.continue_orbit(orbit, "w", 2.5, steps=mi.StepControl(max_step=0.05, max_points=20))
+    branch = mi.continue_solution(
+        orbit, "w", 2.5, steps=mi.StepControl(max_step=0.05, max_points=20)
+    )
     assert len(branch)
     assert "form a continuum" in branch.ended
 
@@ -103,7 +105,7 @@ def test_orbits_that_lie_side_by_side_are_followed_at_what_they_conserve():
     """With a linear drag v2 + 0.05 (x2 - x1) never changes, and tells one from the other."""
     orbit = mi.find_orbit(mi.simulate(rattler(0.0), periods=300))
     assert np.abs(orbit.multipliers - 1.0).min() > 0.1
-    branch = mi.continue_orbit(orbit, "w", 2.0)
+    branch = mi.continue_solution(orbit, "w", 2.0)
     assert branch.ended == "w reached its bound"
     kept = [q.state.v2 + 0.05 * (q.state.x2 - q.state.x1) for q in branch.orbits]
     np.testing.assert_allclose(kept, kept[0], atol=1e-12)
@@ -140,7 +142,7 @@ def test_a_reset_that_is_grazed_ends_the_branch_and_no_distant_orbit_continues_i
         return reached - 1.0, level + 0.5 * math.cos(w * s) - 1.0
 
     exact = root(equations, (1.08, 0.28), tol=1e-14).x[0]
-    branch = mi.continue_orbit(mi.find_orbit(neuron, transient=50), "I", 0.8, back=1.2)
+    branch = mi.continue_solution(mi.find_orbit(neuron, transient=50), "I", 0.8, back=1.2)
     grazing = branch.special_points[-1]
     assert grazing.label == "spike"
     assert grazing.value == pytest.approx(exact, abs=1e-9)
@@ -173,7 +175,7 @@ def test_a_cycle_with_impacts_shrinks_to_a_boundary_equilibrium_not_to_a_hopf_po
     )
     cycle = mi.find_orbit(system)
     assert len(cycle.impacts) == 1
-    branch = mi.continue_orbit(cycle, "d", -1.0, back=0.5)  # beyond a fold
+    branch = mi.continue_solution(cycle, "d", -1.0, back=0.5)  # beyond a fold
     assert branch.orbits[-1].system.parameters["d"] == pytest.approx(0.0, abs=1e-3)
     assert "shrinks to a point on the boundary of wall: no Hopf point" in branch.ended
 
@@ -211,7 +213,7 @@ def test_a_branch_of_orbits_ends_where_the_equations_jump(flow, guards):
         states=("x", "v"), flow=flow, period=2 * math.pi, parameters={"a": 0.48}, guards=guards
     )
     orbit = mi.find_orbit(mi.simulate(system, periods=100, options=PLAIN))
-    branch = mi.continue_orbit(orbit, "a", 0.6)
+    branch = mi.continue_solution(orbit, "a", 0.6)
     assert branch.ended.endswith(JUMP)
     assert branch.table["a"].iloc[-1] == pytest.approx(0.5, abs=5e-3)
 
@@ -222,7 +224,7 @@ def test_a_branch_of_equilibria_ends_where_the_equations_jump():
 
     system = mi.System(states=("x",), flow=flow, parameters={"a": 0.2})
     (rest,) = mi.find_equilibria(system)
-    branch = mi.continue_equilibrium(rest, "a", 1.0)
+    branch = mi.continue_solution(rest, "a", 1.0)
     assert branch.ended.endswith(JUMP)
     assert branch.table["a"].iloc[-1] == pytest.approx(0.5, abs=1e-3)
 
@@ -235,7 +237,7 @@ def test_other_ends_are_not_blamed_on_a_jump():
 
     system = mi.System(states=("x",), flow=flow, parameters={"a": 0.2})
     (rest,) = mi.find_equilibria(system)
-    assert "discontinuous" not in mi.continue_equilibrium(rest, "a", -1.0).ended
+    assert "discontinuous" not in mi.continue_solution(rest, "a", -1.0).ended
 
 
 CURVE_JUMP = "the equations are discontinuous in b near b = 0.5"
@@ -247,7 +249,7 @@ def test_a_curve_of_equilibria_ends_where_the_equations_jump():
         return (p.a + (1.0 if p.b < 0.5 else 1.3) * y.x - y.x**3,)
 
     system = mi.System(states=("x",), flow=flow, parameters={"a": 0.0, "b": 0.1})
-    branch = mi.continue_equilibrium(mi.find_equilibria(system)[-1], "a", 1.0, back=-1.0)
+    branch = mi.continue_solution(mi.find_equilibria(system)[-1], "a", 1.0, back=-1.0)
     curve = mi.continue_curve(branch.special_points[0], "b", 1.0)
     assert curve.ended.endswith(CURVE_JUMP)
     assert curve.table["b"].iloc[-1] == pytest.approx(0.5, abs=1e-3)
@@ -270,7 +272,7 @@ def test_a_curve_of_orbits_ends_where_the_equations_jump():
         guards=[mi.Impact("wall", bounded, rebound)],
     )
     orbit = mi.find_orbit(mi.simulate(system, periods=100))
-    branch = mi.continue_orbit(orbit, "a", 0.08)
+    branch = mi.continue_solution(orbit, "a", 0.08)
     grazing = next(each for each in branch.special_points if each.kind == "grazing")
     curve = mi.continue_curve(grazing, "b", 1.0)
     assert curve.ended.endswith(CURVE_JUMP)

@@ -65,7 +65,7 @@ def test_samples_of_a_cycle_lie_on_its_circle_while_it_slips(stick_slip):
 
 
 def test_the_period_along_a_branch_is_that_of_the_closed_form(stick_slip):
-    branch = mi.continue_orbit(stick_slip, "v", 0.1, steps=mi.StepControl(max_step=0.2))
+    branch = mi.continue_solution(stick_slip, "v", 0.1, steps=mi.StepControl(max_step=0.2))
     assert branch.ended == "v reached its bound"
     for orbit in branch.orbits:
         expected = belt_period(orbit.system.value("v"), 0.4)
@@ -155,7 +155,7 @@ def test_an_unstable_cycle_of_lorenz_against_a_published_number():
 
 @pytest.fixture(scope="module")
 def doubling():
-    branch = mi.continue_orbit(
+    branch = mi.continue_solution(
         find(roessler(), transient=100.0), "c", 3.0, steps=mi.StepControl(max_step=0.1)
     )
     (special,) = branch.special_points
@@ -190,7 +190,7 @@ def test_a_doubled_cycle_is_one_of_twice_the_period_and_ends_where_it_began(doub
     assert orbit.period == pytest.approx(2.0 * doubling.orbit.period, rel=0.01)
     again = find(orbit.system, transient=200.0)
     assert again.period == pytest.approx(orbit.period, abs=1e-8)
-    back = mi.continue_orbit(orbit, "c", 2.0, steps=mi.StepControl(max_step=0.1))
+    back = mi.continue_solution(orbit, "c", 2.0, steps=mi.StepControl(max_step=0.1))
     assert "half the period" in back.ended
     (end,) = back.special_points
     assert end.value == pytest.approx(doubling.value, abs=1e-8)
@@ -204,7 +204,7 @@ def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
     square = orbit.state.x**2 + orbit.state.y**2
     rate = 2.0 * square - 4.0 * square**2  # of r, by r
     assert orbit.multipliers[0] == pytest.approx(math.exp(2.0 * math.pi * rate), abs=1e-10)
-    branch = mi.continue_orbit(orbit, "mu", -0.5, steps=mi.StepControl(max_step=0.1))
+    branch = mi.continue_solution(orbit, "mu", -0.5, steps=mi.StepControl(max_step=0.1))
     (fold,) = branch.special_points
     assert fold.label == "CF"
     assert fold.value == pytest.approx(-0.25, abs=1e-10)
@@ -219,7 +219,7 @@ def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
 def test_a_curve_of_folds_of_cycles():
     """mu + k r^2 - r^4 = 0 turns where mu = -k^2/4."""
     steps = mi.StepControl(max_step=0.1)
-    branch = mi.continue_orbit(find(spiral(0.5)), "mu", -0.5, steps=steps)
+    branch = mi.continue_solution(find(spiral(0.5)), "mu", -0.5, steps=steps)
     (fold,) = branch.special_points
     curve = mi.continue_curve(fold, "k", 2.0, steps=steps)
     for table in (branch.table, branch.special_table, curve.table):
@@ -231,7 +231,7 @@ def test_a_curve_of_folds_of_cycles():
 @pytest.mark.slow
 def test_a_cycle_grazes_a_wall_and_continues_with_an_impact():
     free = find(van_der_pol(wall=2.2))
-    branch = mi.continue_orbit(free, "wall", 1.8, steps=mi.StepControl(max_step=0.1))
+    branch = mi.continue_solution(free, "wall", 1.8, steps=mi.StepControl(max_step=0.1))
     (grazing,) = branch.special_points
     highest = find(van_der_pol()).samples(4000)["x"].max()
     assert grazing.label == "G"

@@ -83,7 +83,7 @@ def test_a_guess_leads_to_the_nearest():
 )
 def test_hopf_point_of_lorenz(s, b):
     (first,) = mi.find_equilibria(LORENZ.changed(s=s, b=b))
-    branch = mi.continue_equilibrium(first, "r", 50.0)
+    branch = mi.continue_solution(first, "r", 50.0)
     (hopf,) = branch.special_points
     # Sparrow, The Lorenz Equations (1982): r = s (s + b + 3)/(s - b - 1).
     exact = s * (s + b + 3.0) / (s - b - 1.0)
@@ -102,7 +102,7 @@ def test_hopf_point_of_lorenz(s, b):
 def test_fold_is_passed_and_the_branch_comes_back():
     system = one_state(lambda mode, t, y, p: (p.a - 0.25 + y.x * y.x,), a=-1.0)
     lower = mi.find_equilibria(system, guess={"x": -1.0})[0]
-    branch = mi.continue_equilibrium(lower, "a", 1.0, back=-1.0)
+    branch = mi.continue_solution(lower, "a", 1.0, back=-1.0)
     (fold,) = branch.special_points
     assert fold.label == "LP"
     assert abs(fold.value - 0.25) < 1e-10
@@ -115,12 +115,12 @@ def test_fold_is_passed_and_the_branch_comes_back():
 def test_another_branch_crosses():
     system = one_state(lambda mode, t, y, p: (p.a * y.x - y.x**3,), a=-1.0)
     (rest,) = mi.find_equilibria(system)
-    branch = mi.continue_equilibrium(rest, "a", 1.0)
+    branch = mi.continue_solution(rest, "a", 1.0)
     (crossing,) = branch.special_points
     assert crossing.label == "BP"
     assert abs(crossing.value) < 1e-9
     one = mi.find_equilibria(system.changed(a=1.0), guess={"x": 0.9})[0]
-    branch = mi.continue_equilibrium(one, "a", -1.0, back=1.0)
+    branch = mi.continue_solution(one, "a", -1.0, back=1.0)
     assert [each.label for each in branch.special_points] == ["BP"]  # no fold beside it
     assert abs(branch.equilibria[-1].state.x + 1.0) < 1e-9
 
@@ -130,12 +130,12 @@ def test_two_real_eigenvalues_of_sum_zero_are_no_hopf_point():
         states=("x", "y"), flow=lambda mode, t, y, p: (p.a * y.x, -y.y), parameters={"a": 0.5}
     )
     (saddle,) = mi.find_equilibria(system)
-    assert mi.continue_equilibrium(saddle, "a", 2.0).special_points == ()
+    assert mi.continue_solution(saddle, "a", 2.0).special_points == ()
 
 
 def test_a_guard_makes_it_virtual():
     (free,) = mi.find_equilibria(WALL, modes=["free"])
-    branch = mi.continue_equilibrium(free, "pull", 2.0)
+    branch = mi.continue_solution(free, "pull", 2.0)
     (met,) = branch.special_points
     assert (met.label, met.guard) == ("BE", "wall")
     assert abs(met.value - 1.0) < 1e-10
@@ -155,7 +155,7 @@ def test_continuum_of_a_mode_in_which_nothing_moves():
     assert held.eigenvalues.size == 0
     assert "continuum" in repr(held)
     with pytest.raises(mi.InvalidParameter, match="isolated"):
-        mi.continue_equilibrium(held, "pull", 1.0)
+        mi.continue_solution(held, "pull", 1.0)
 
 
 def test_cyclic_states_need_not_stand_still():
@@ -168,7 +168,7 @@ def test_cyclic_states_need_not_stand_still():
     (cruise,) = mi.find_equilibria(system)
     assert abs(cruise.state.v - 2.0) < 1e-12
     assert abs(cruise.eigenvalues - [-0.5]).max() < 1e-11
-    assert list(mi.continue_equilibrium(cruise, "push", 2.0).table.columns[-1:]) == ["v"]
+    assert list(mi.continue_solution(cruise, "push", 2.0).table.columns[-1:]) == ["v"]
 
 
 def test_steep_friction_law():
@@ -200,7 +200,7 @@ def test_what_is_refused():
 @pytest.mark.slow
 def test_results_are_values(tmp_path):
     (first,) = mi.find_equilibria(LORENZ)
-    branch = mi.continue_equilibrium(first, "r", 30.0)
+    branch = mi.continue_solution(first, "r", 30.0)
     assert pickle.loads(pickle.dumps(branch)) == branch == copy.deepcopy(branch)
     for value in (first, branch, branch.special_points[0]):
         value.save(tmp_path / "it.zip")
@@ -223,7 +223,7 @@ def test_an_imperfect_pitchfork_is_no_branch_point(imperfection):
         parameters={"m": -1.0, "e": imperfection},
     )  # fmt: skip
     (rest,) = mi.find_equilibria(system, guess={"x": imperfection})
-    branch = mi.continue_equilibrium(rest, "m", stop=1.0)
+    branch = mi.continue_solution(rest, "m", stop=1.0)
     assert branch.special_points == ()
     last = branch.equilibria[-1]
     exact = math.copysign(max(np.roots([1.0, 0.0, -1.0, -abs(imperfection)]).real), imperfection)
@@ -234,7 +234,7 @@ def test_an_imperfect_pitchfork_is_no_branch_point(imperfection):
 @pytest.mark.slow
 def test_figure_of_a_branch():
     (first,) = mi.find_equilibria(LORENZ)
-    branch = mi.continue_equilibrium(first, "r", 30.0, steps=mi.StepControl(max_step=0.5))
+    branch = mi.continue_solution(first, "r", 30.0, steps=mi.StepControl(max_step=0.5))
     ax = mi.plot_branch(branch)
     assert {text.get_text() for text in ax.texts} == {"H"}
     assert [line.get_label() for line in ax.get_lines()[:2]] == [
@@ -255,7 +255,7 @@ def test_cycles_that_are_born_at_a_hopf_point():
     """Their radius is sqrt(a), their period 2 pi/w, their multiplier exp(-2 a period)."""
     system = mi.System(states=("x", "y"), flow=normal_form, parameters={"a": -0.5, "w": 2.0})
     (rest,) = mi.find_equilibria(system)
-    (hopf,) = mi.continue_equilibrium(rest, "a", 0.5).special_points
+    (hopf,) = mi.continue_solution(rest, "a", 0.5).special_points
     cycles = mi.switch_branch(hopf)
     first, last = cycles.orbits[0], cycles.orbits[-1]
     assert 0.0 < first.system.parameters["a"] < 1e-5
@@ -264,7 +264,7 @@ def test_cycles_that_are_born_at_a_hopf_point():
     assert abs(math.hypot(last.state.x, last.state.y) - math.sqrt(0.5)) < 1e-10
     assert abs(last.period - math.pi) < 1e-10
     assert abs(last.multipliers[0] - math.exp(-math.pi)) < 1e-9
-    back = mi.continue_orbit(last, "a", -0.5)
+    back = mi.continue_solution(last, "a", -0.5)
     assert "shrinks to an equilibrium" in back.ended
     assert abs(back.orbits[-1].system.parameters["a"]) < 1e-4
 
@@ -272,7 +272,7 @@ def test_cycles_that_are_born_at_a_hopf_point():
 @pytest.mark.nightly
 def test_unstable_cycles_of_lorenz_leave_its_hopf_point_downwards():
     (first,) = mi.find_equilibria(LORENZ)
-    (hopf,) = mi.continue_equilibrium(first, "r", 30.0).special_points
+    (hopf,) = mi.continue_solution(first, "r", 30.0).special_points
     cycles = mi.switch_branch(hopf, bounds=(22.0, 30.0))
     assert cycles.ended == "r reached its bound"
     assert cycles.orbits[-1].system.parameters["r"] == 22.0
@@ -286,7 +286,7 @@ def test_unstable_cycles_of_lorenz_leave_its_hopf_point_downwards():
 def test_a_fold_bears_no_cycle():
     system = one_state(lambda mode, t, y, p: (p.a + y.x * y.x,), a=-1.0)
     lower = mi.find_equilibria(system, guess={"x": -1.0})[0]
-    (fold,) = mi.continue_equilibrium(lower, "a", 1.0, back=-1.0).special_points
+    (fold,) = mi.continue_solution(lower, "a", 1.0, back=-1.0).special_points
     with pytest.raises(mi.InvalidParameter, match="Hopf"):
         mi.switch_branch(fold)
 
@@ -410,7 +410,7 @@ def test_an_equilibrium_that_stays_on_a_boundary_does_not_cross_it():
             "side", lambda t, y, p: y.x - p.a / 3.0, rate=lambda t, y, d, p: d.x)],
     )  # fmt: skip
     rest = mi.find_equilibria(system)[0]
-    branch = mi.continue_equilibrium(rest, "a", stop=2.0)
+    branch = mi.continue_solution(rest, "a", stop=2.0)
     assert branch.ended == "a reached its bound"
     assert not branch.special_points
     assert all(each.boundaries == ("side",) for each in branch.equilibria)

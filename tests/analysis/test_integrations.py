@@ -31,14 +31,14 @@ def counted(monkeypatch):
 
 
 def forced():
-    branch = mi.continue_orbit(mi.find_orbit(oscillator(), transient=40), "A", 0.36)
+    branch = mi.continue_solution(mi.find_orbit(oscillator(), transient=40), "A", 0.36)
     assert len(branch.special_points) == 2
     return branch
 
 
 def cycle():
     orbit = mi.find_orbit(van_der_pol(), guess={"x": 2.0})
-    return mi.continue_orbit(orbit, "mu", 1.1, steps=mi.StepControl(max_points=5))
+    return mi.continue_solution(orbit, "mu", 1.1, steps=mi.StepControl(max_points=5))
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ def test_ends_of_equilibria():
         states=("x", "v"), flow=well, parameters={"m": 4e-6}, units=units, **TYPICAL
     )  # fmt: skip
     found, *_ = mi.find_equilibria(system, guess={"x": 1e-6})
-    branch = mi.continue_equilibrium(found, "m", stop=1e-7)
+    branch = mi.continue_solution(found, "m", stop=1e-7)
     last = branch.equilibria[-1]
     value = last.system.value("m")
     assert 1e-6 < value < 1.2e-6  # differences look a little beyond it
@@ -142,6 +142,6 @@ def test_where_a_branch_may_go():
     drive = mi.Sine(amplitude=20.0, omega=1500.0)
     orbit = mi.find_orbit(device, drive, options=mi.Options(method="dop853", engine="interpreted"))
     with pytest.raises(mi.InvalidParameter, match="another value than 20 V, where the orbit is"):
-        mi.continue_orbit(orbit, "amplitude", stop=20.0)
+        mi.continue_solution(orbit, "amplitude", stop=20.0)
     with pytest.raises(mi.InvalidParameter, match="back = 21: must be 20 V, or on the other"):
-        mi.continue_orbit(orbit, "amplitude", stop=22.0, back=21.0)
+        mi.continue_solution(orbit, "amplitude", stop=22.0, back=21.0)

@@ -56,7 +56,7 @@ def test_errors_of_multipliers_are_no_bifurcations_of_a_neutral_branch():
     )
     options = mi.Options(method="adams", rtol=1e-7, atol=1e-9)
     orbit = mi.find_orbit(system, guess={"x": 0.1}, periods=1, options=options)
-    branch = mi.continue_orbit(orbit, "k", stop=2.2)
+    branch = mi.continue_solution(orbit, "k", stop=2.2)
     assert branch.table["stable"].isna().all()
     assert branch.special_points == ()
 
@@ -99,7 +99,7 @@ def test_equilibria_of_damping_one_part_in_1e15_are_neutral():
 def test_a_branch_of_centers_is_neutral_in_tables_files_and_figures(tmp_path):
     system = mi.System(states=("x", "v"), flow=oscillator, parameters={"k": 1.0, "c": 0.0})
     (rest,) = mi.find_equilibria(system)
-    branch = mi.continue_equilibrium(rest, "k", stop=2.0)
+    branch = mi.continue_solution(rest, "k", stop=2.0)
     assert branch.table["stable"].isna().all()
     branch.save(tmp_path / "branch.zip")
     assert mi.load(tmp_path / "branch.zip").table["stable"].isna().all()
@@ -131,7 +131,7 @@ def test_neutral_cycles_at_a_hopf_point_are_no_line_of_a_figure():
         parameters={"m": -0.1, "c": 1e-3},
     )
     (rest,) = mi.find_equilibria(system)
-    (hopf,) = mi.continue_equilibrium(rest, "m", stop=0.1).special_points
+    (hopf,) = mi.continue_solution(rest, "m", stop=0.1).special_points
     cycles = mi.switch_branch(hopf, bounds=(-0.1, 0.1), steps=mi.StepControl(initial_step=1e-3))
     assert cycles.table["stable"].isna().sum() > 1
     assert [line.get_label() for line in mi.plot_branch(cycles).get_lines()] == ["stable orbit"]

@@ -100,7 +100,7 @@ def test_a_device_in_si(orbit):
     assert found.step == pytest.approx(orbit.step * scales.length, rel=1e-6)
     assert found.period == pytest.approx(orbit.period * scales.time)
     assert found.impacts.attrs["units"]["v2 before"] == "m/s"
-    branch = mi.continue_orbit(found, "amplitude", 0.175 * scales.voltage)
+    branch = mi.continue_solution(found, "amplitude", 0.175 * scales.voltage)
     assert branch.special_points[0].value == pytest.approx(0.1765154406 * scales.voltage, rel=1e-8)
     assert branch.table.columns[0] == "amplitude"
     assert branch.table.attrs["units"]["amplitude"] == "V"
@@ -109,7 +109,7 @@ def test_a_device_in_si(orbit):
 def test_a_branch_over_a_parameter_of_the_scales():
     """Its orbits are in the scales of the first one, and come out as those of their own device."""
     mita, drive = mi.load_actuator("mita2003"), mi.Sine(amplitude=20.0, omega=1000.0)
-    branch = mi.continue_orbit(mi.find_orbit(mita, drive), "k", 4.6)
+    branch = mi.continue_solution(mi.find_orbit(mita, drive), "k", 4.6)
     row = branch.table.iloc[4]
     assert abs(row["k"] / mita.k - 1) > 1e-3
     alone = mi.find_orbit(mita.replace(k=row["k"]), drive)
@@ -155,7 +155,7 @@ def test_where_the_system_is_stiff_bdf_takes_over_and_says_so(orbit):
     x = found.state.x2
     assert x * (1.0 - x) ** 2 == pytest.approx(0.5 * drive.amplitude**2, rel=1e-5)
     # The branch goes on as the orbit does.
-    branch = mi.continue_orbit(found, "amplitude", 0.11, steps=mi.StepControl(max_points=2))
+    branch = mi.continue_solution(found, "amplitude", 0.11, steps=mi.StepControl(max_points=2))
     assert {each.options.method for each in branch.orbits} == {"bdf"}
 
 

@@ -39,7 +39,7 @@ def test_equilibria_and_their_partners():
 def test_the_halves_of_a_pitchfork_are_partners():
     states, steps = ("x", "y", "z"), mi.StepControl(max_step=2.0)
     rest = equilibrium(lorenz, states, {"x": 0.0}, r=0.5)
-    branch = mi.continue_equilibrium(rest, "r", 20.0, steps=steps)
+    branch = mi.continue_solution(rest, "r", 20.0, steps=steps)
     halves = mi.switch_branch(branch.special_points[0], steps=steps)
     assert halves.symmetry.signs == {"x": -1, "y": -1, "z": 1}
     first, last = halves.equilibria[0], halves.equilibria[-1]
@@ -49,7 +49,7 @@ def test_the_halves_of_a_pitchfork_are_partners():
 
 def test_a_transcritical_branch_has_no_symmetry():
     rest = equilibrium(lambda mode, t, y, p: (p.a * y.x - y.x**2,), ("x",), {"x": 0.0}, a=-1.0)
-    (crossing,) = mi.continue_equilibrium(rest, "a", 1.0).special_points
+    (crossing,) = mi.continue_solution(rest, "a", 1.0).special_points
     assert mi.switch_branch(crossing).symmetry is None
 
 
@@ -131,7 +131,7 @@ def test_cycles_of_the_lorenz_system():
     (mirror,) = mi.symmetries(cycle)
     assert mirror.keeps(cycle)
     steps = mi.StepControl(initial_step=0.1, max_step=8.0)
-    (fork,) = mi.continue_orbit(cycle, "r", 305.0, steps=steps).special_points
+    (fork,) = mi.continue_solution(cycle, "r", 305.0, steps=steps).special_points
     halves = mi.switch_branch(fork, bounds=(305.0, 330.0), steps=steps)
     assert halves.symmetry == mirror
     one, other = halves.orbits[0], halves.orbits[-1]

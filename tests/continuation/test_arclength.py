@@ -17,7 +17,7 @@ def continued(stop=2.0, *, flow=circle, states=("x",), length=0.1, **arguments):
     (start,) = mi.find_equilibria(system, guess=dict.fromkeys(states, 1.0))
     steps = {"initial_step": length, "max_step": 2.0 * length, "max_points": 200}
     steps |= arguments.pop("steps", {})
-    return mi.continue_equilibrium(start, "p", stop, steps=mi.StepControl(**steps), **arguments)
+    return mi.continue_solution(start, "p", stop, steps=mi.StepControl(**steps), **arguments)
 
 
 def points(branch):

@@ -25,7 +25,7 @@ SYMMETRIC = mi.System(
 def test_another_branch_crosses():
     """The multiplier of the orbit at rest is exp(2 pi a)."""
     rest = mi.find_orbit(SYMMETRIC, guess={"x": 0.0}, periods=1)
-    branch = mi.continue_orbit(rest, "a", 0.5)
+    branch = mi.continue_solution(rest, "a", 0.5)
     (crossing,) = branch.special_points
     assert crossing.label == "BP"
     assert abs(crossing.value) < 1e-9
@@ -38,7 +38,7 @@ def test_another_branch_crosses():
 def test_the_branch_that_crosses_reverses_there_without_a_fold():
     off = mi.find_orbit(SYMMETRIC.changed(a=0.5), periods=1)
     assert off.state.x > 0.1
-    branch = mi.continue_orbit(off, "a", -0.5, back=0.5)
+    branch = mi.continue_solution(off, "a", -0.5, back=0.5)
     assert [special.label for special in branch.special_points] == ["BP"]
     assert abs(branch.special_points[0].value) < 1e-9
     assert branch.orbits[-1].state.x == pytest.approx(-off.state.x, abs=1e-9)
@@ -57,7 +57,7 @@ def test_an_imperfection_above_the_error_of_integration_is_no_branch_point(offse
     )
     options = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
     orbit = mi.find_orbit(system, transient=100, periods=1, options=options)
-    branch = mi.continue_orbit(orbit, "a", stop=2.6)
+    branch = mi.continue_solution(orbit, "a", stop=2.6)
     assert [special.label for special in branch.special_points] == labels
     assert branch.orbits[-1].stable is not bool(labels)
 
@@ -78,14 +78,14 @@ def test_an_error_of_the_equations_neither_moves_a_branch_point_nor_adds_a_fold(
     rest = of_equilibrium(fork, 0.0, a=-1.0, error=error)
     off = of_equilibrium(fork, 0.9, a=1.0, error=error)
     for begin, stop in ((rest, 1.0), (off, -1.0)):
-        branch = mi.continue_equilibrium(begin, "a", stop, back=begin.system.parameters["a"])
+        branch = mi.continue_solution(begin, "a", stop, back=begin.system.parameters["a"])
         assert [point.label for point in branch.special_points] == ["BP"]
         assert abs(branch.special_points[0].value) < 1e-12
 
 
 def test_branches_that_cross_at_an_angle():
     begin = of_equilibrium(lambda mode, t, y, p: ((p.a - 0.3) * y.x - y.x**2,), 0.0, a=-1.0)
-    (crossing,) = mi.continue_equilibrium(begin, "a", 1.0).special_points
+    (crossing,) = mi.continue_solution(begin, "a", 1.0).special_points
     assert crossing.label == "BP"
     assert crossing.value == pytest.approx(0.3, abs=1e-13)
 
@@ -125,7 +125,7 @@ def test_branch_points_of_maps_where_residuals_are_rounding(seed):
     )
     options = mi.Options(method="dop853", engine="interpreted")
     rest = mi.find_orbit(system, periods=1, options=options, guess=mi.State(x=0.0, y=0.0))
-    branch = mi.continue_orbit(rest, "q", 0.09 / r, back=-1.0)
+    branch = mi.continue_solution(rest, "q", 0.09 / r, back=-1.0)
     (crossing,) = (point for point in branch.special_points if point.label == "BP")
     assert crossing.value == pytest.approx(0.05 / r, rel=1e-10)
 
@@ -152,7 +152,7 @@ def crossing_of(transition):
     options = mi.Options(method="dop853")
     rest = mi.find_orbit(system, periods=1, options=options, guess=mi.State(x=0.0, w=0.0))
     steps = mi.StepControl(max_step=0.1)
-    (crossing,) = mi.continue_orbit(rest, "a", 0.3, steps=steps).special_points
+    (crossing,) = mi.continue_solution(rest, "a", 0.3, steps=steps).special_points
     return crossing
 
 

@@ -18,7 +18,7 @@ def forks(flow, stop=1.0, start=-1.0, states=("x",), longest=0.2, **values):
     system = mi.System(states=states, flow=flow, parameters={"a": start, **values})
     rest = mi.find_equilibria(system, guess={"x": values.get("k", 0.0) * start})[0]
     steps = mi.StepControl(max_step=longest)
-    return mi.continue_equilibrium(rest, "a", stop, steps=steps).special_points
+    return mi.continue_solution(rest, "a", stop, steps=steps).special_points
 
 
 @pytest.mark.quick(1)
@@ -138,7 +138,7 @@ def test_cycles_begin_small_at_a_hopf_point():
 
     system = mi.System(states=("x", "v"), flow=flow, parameters={"a": 99.0})
     rest = mi.find_equilibria(system, guess={"x": 0.0})[0]
-    (hopf,) = mi.continue_equilibrium(rest, "a", 101.0).special_points
+    (hopf,) = mi.continue_solution(rest, "a", 101.0).special_points
     cycles = mi.switch_branch(hopf, bounds=(99.0, 101.0), steps=mi.StepControl(max_points=2)).orbits
     radii = np.array([math.hypot(cycle.state.x, cycle.state.v) for cycle in cycles])
     values = np.array([cycle.system.parameters["a"] for cycle in cycles])
@@ -162,7 +162,7 @@ def test_the_pitchfork_of_a_map():
     )
     start = mi.find_orbit(system, periods=1, options=INTERPRETED, guess=mi.State(x=0.0, w=0.0))
     steps = mi.StepControl(max_step=0.1)
-    (fork,) = mi.continue_orbit(start, "a", 0.4, steps=steps).special_points
+    (fork,) = mi.continue_solution(start, "a", 0.4, steps=steps).special_points
     assert abs(fork.value) < 1e-11
     halves = mi.switch_branch(fork, steps=steps)
     assert [special.label for special in halves.special_points] == ["BP"]
@@ -222,7 +222,7 @@ def half_map(A, z, w, e):
 @pytest.mark.nightly
 def test_symmetry_breaking_of_an_oscillator_between_two_stops():
     orbit = mi.find_orbit(TWO_STOPS, transient=100)
-    branch = mi.continue_orbit(orbit, "A", 0.68)
+    branch = mi.continue_solution(orbit, "A", 0.68)
     (fork,) = (special for special in branch.special_points if special.label == "BP")
 
     def crossed(A):
@@ -278,7 +278,7 @@ def test_symmetry_breaking_of_an_impact_pair():
         return math.hypot(sine, 0.5 * math.pi * sine * (1.0 - e) / (1.0 + e))
 
     assert amplitude(0.6) == pytest.approx(0.36606993622, abs=1e-11)
-    branch = mi.continue_orbit(mi.find_orbit(pair, transient=100), "A", 0.45)
+    branch = mi.continue_solution(mi.find_orbit(pair, transient=100), "A", 0.45)
     (fork,) = (special for special in branch.special_points if special.label == "BP")
     assert fork.value == pytest.approx(amplitude(0.6), abs=1e-10)
     curve = mi.continue_curve(fork, "e", 0.7)
@@ -315,7 +315,7 @@ def test_symmetry_breaking_of_a_driven_duffing_oscillator():
     system = mi.System(states=("x", "v"), flow=ueda, period=2.0 * math.pi, parameters={"A": 1.5})
     orbit = mi.find_orbit(system, transient=200)
     steps = mi.StepControl(max_step=0.1)
-    branch = mi.continue_orbit(orbit, "A", 2.6, steps=steps)
+    branch = mi.continue_solution(orbit, "A", 2.6, steps=steps)
     (fork,) = branch.special_points
     assert fork.criticality == "supercritical"
     amplitudes = np.array([2.42, 2.44, 2.46, 2.48])

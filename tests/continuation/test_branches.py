@@ -9,10 +9,10 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator.drives import Square
 from mems_impact.continuation.arclength import StepControl, correct
+from mems_impact.continuation.branch import OrbitBranch, OrbitEvent
 from mems_impact.continuation.branch_switching import double_cover
 from mems_impact.continuation.grazing import change_signature
-from mems_impact.continuation.orbit_branch import OrbitBranch, _BranchProblem, follow
-from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.orbit_branch import _BranchProblem, follow
 from mems_impact.continuation.test_functions import FoldTest, SegmentLengthTest, closest_approach
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.simulation import run
@@ -61,7 +61,7 @@ def test_special_points_at_half_from_either_side(name):
     assert branch.points[-1].value == pytest.approx(last, abs=1e-14)
     # At the grazing itself the sign of the impact's speed is one of rounding.
     away = [point for point in branch.points if abs(point.value - GRAZING_5) > 1e-9]
-    assert all(point.orbit.admissible for point in away)
+    assert all(point.solution.admissible for point in away)
     assert {point.piece for point in branch.points} == {0, 1}
 
 
@@ -75,9 +75,9 @@ def test_special_points_at_nine_twentieths_from_either_side(name):
     assert values(branch, "fold")[0] == pytest.approx(FOLD_45, abs=1e-10)
     assert values(branch, "period-doubling")[0] == pytest.approx(DOUBLING_45, abs=1e-10)
     fold = next(s for s in branch.special_points if s.kind == "fold")
-    x, v, f = free_block.fold(0.45, (*fold.orbit.state[2:], fold.value))
+    x, v, f = free_block.fold(0.45, (*fold.solution.state[2:], fold.value))
     assert fold.value == pytest.approx(f, abs=1e-10)
-    np.testing.assert_allclose(fold.orbit.state[2:], [x, v], atol=1e-6)
+    np.testing.assert_allclose(fold.solution.state[2:], [x, v], atol=1e-6)
 
 
 @pytest.mark.nightly
@@ -86,8 +86,8 @@ def test_orbits_of_a_branch_are_ones_that_a_run_follows():
     # At the grazing itself the sign of the impact's speed is one of rounding.
     away = [point for point in branch.points if abs(point.value - GRAZING_5) > 1e-9]
     for point in away[::5]:
-        growth = max(1.0, float(np.abs(point.orbit.multipliers).max()))
-        assert check_closed(point.orbit) < 3e-9 * growth
+        growth = max(1.0, float(np.abs(point.solution.multipliers).max()))
+        assert check_closed(point.solution) < 3e-9 * growth
 
 
 @pytest.mark.slow
@@ -100,7 +100,7 @@ def test_branches_in_other_parameters(parameter, low, high):
     for direction, bound in ((-1.0, low), (1.0, high)):
         branch = follow(start, parameter, low=low, high=high, direction=direction)
         assert branch.ended == f"{parameter} reached its bound"
-        last = branch.points[-1].orbit
+        last = branch.points[-1].solution
         assert last.family.values[parameter] == pytest.approx(bound, abs=1e-14)
         assert last.stable
         again = find_periodic_orbit(
@@ -114,7 +114,7 @@ def test_fold_in_the_frequency_is_the_fold_in_the_amplitude():
     branch = follow(actuator_orbit(0.24, 0.5), "omega", low=0.49, high=0.56)
     fold = next(s for s in branch.special_points if s.kind == "fold")
     beside = actuator(0.245, fold.value)
-    orbit = find_periodic_orbit(beside, fold.orbit.instant, transient=300)
+    orbit = find_periodic_orbit(beside, fold.solution.instant, transient=300)
     assert orbit.impacts
     back = follow(orbit, "amplitude", low=0.2, high=0.26, direction=-1)
     assert values(back, "fold")[0] == pytest.approx(0.24, abs=1e-9)
@@ -127,8 +127,8 @@ def test_branch_of_orbits_with_rest_and_chatter():
     assert len(branch.points) > 2
     assert branch.ended
     for point in branch.points:
-        if point.orbit.admissible:
-            assert check_closed(point.orbit) < 1e-8
+        if point.solution.admissible:
+            assert check_closed(point.solution) < 1e-8
 
 
 def test_without_reconnection_the_branch_continues_beyond_the_stopper():
@@ -136,7 +136,7 @@ def test_without_reconnection_the_branch_continues_beyond_the_stopper():
     assert values(branch, "grazing")[0] == pytest.approx(GRAZING_5, abs=1e-10)
     assert branch.ended == "amplitude reached its bound"
     for point in branch.points:
-        assert point.orbit.admissible == (point.value < GRAZING_5 + 1e-9)
+        assert point.solution.admissible == (point.value < GRAZING_5 + 1e-9)
 
 
 @pytest.mark.nightly
@@ -175,11 +175,11 @@ def test_a_branch_that_is_held_back_says_by_what():
 
 
 def unknowns(point):
-    return np.append(point.orbit.point.unknowns, point.value)
+    return np.append(point.solution.point.unknowns, point.value)
 
 
 def distance(one, other):
-    return one.orbit.shooting.norm(unknowns(other) - unknowns(one))
+    return one.solution.shooting.norm(unknowns(other) - unknowns(one))
 
 
 def test_an_orbit_and_its_double_cover_take_the_same_steps():
@@ -216,8 +216,8 @@ def test_noise_of_the_integration_counts_as_no_difficulty():
     """A tiny step is there at once; what the iteration then does is to rattle in the rounding."""
     branch = follow(actuator_orbit(0.24, 0.5), "amplitude", low=0.23, high=0.25)
     for point in branch.points[:-1]:
-        shooting = point.orbit.shooting
-        here = np.append(point.orbit.point.unknowns, point.value)
+        shooting = point.solution.shooting
+        here = np.append(point.solution.point.unknowns, point.value)
         ahead = correct(shooting, here + 1e-5 * point.direction, point.direction)
         assert ahead.iterations <= 1
 
@@ -228,8 +228,8 @@ def test_a_fold_next_to_a_grazing_is_listed():
     branch = follow(start, "amplitude", low=0.1, high=0.3, steps=steps)
     assert [s.kind for s in branch.special_points][:2] == ["fold", "grazing"]
     fold, grazing = branch.special_points[:2]
-    apart = np.append(fold.orbit.point.unknowns, fold.value)
-    apart -= np.append(grazing.orbit.point.unknowns, grazing.value)
+    apart = np.append(fold.solution.point.unknowns, fold.value)
+    apart -= np.append(grazing.solution.point.unknowns, grazing.value)
     assert np.linalg.norm(apart) < 1e-2
 
 
@@ -297,11 +297,11 @@ def test_what_changes_where_two_events_meet_is_listed_once(listed):
     """The meeting itself changes nothing; a fold in it is named, if it has not been already."""
     first = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.16, high=0.16).points[0]
     meeting = SegmentLengthTest("simultaneous events", 0)
-    met = BranchEvent("fold", "CF", 0.16, first.orbit, first.direction, meeting)
+    met = OrbitEvent("fold", "CF", 0.16, first.solution, first.direction, meeting)
     fold = replace(met, monitor=FoldTest())
     special = [fold, met] if listed else [met]
     found = OrbitBranch("amplitude", special_points=list(special))
-    orbit = first.orbit
+    orbit = first.solution
     problem = _BranchProblem(found, orbit.shooting, 0.1, 0.3, StepControl(), True)
     direction = first.direction if listed else -first.direction
     problem._reclassify_coincident(met, orbit.point, orbit.shooting, orbit.point, direction)
@@ -337,5 +337,5 @@ def test_no_parameter_moves_the_orbit():
     """A still ball: the equations do not depend on the parameter."""
     orbit = find_periodic_orbit(table(), at((0.0, 0.0), mode=1))
     branch = follow(orbit, "e", low=0.4, high=0.6)
-    assert branch.points[0].orbit.admissible
+    assert branch.points[0].solution.admissible
     assert branch.ended  # not even the ball's rest is determined: it has no tangent

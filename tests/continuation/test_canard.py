@@ -25,7 +25,7 @@ def test_multipliers_are_those_of_the_divergence_and_nothing_bifurcates():
         states=("x", "y"), flow=nerve, parameters={"a": 1.1}, initial={"x": -1.1, "y": -0.656}
     )
     (rest,) = mi.find_equilibria(system)
-    (hopf,) = mi.continue_equilibrium(rest, "a", stop=0.9).special_points
+    (hopf,) = mi.continue_solution(rest, "a", stop=0.9).special_points
     assert hopf.criticality == "supercritical"
     steps = mi.StepControl(max_step=0.4, max_points=45)
     branch = mi.switch_branch(hopf, bounds=(0.5, 1.1), steps=steps)

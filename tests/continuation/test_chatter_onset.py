@@ -94,7 +94,7 @@ def _ball(A, e, phase=2.5, unit=1.0, rate=1.0):
 def test_branch_ends_at_the_onset_of_complete_chatter(e, start, unit, rate):
     expected = _onset(e, start, start + 0.02)
     orbit = mi.find_orbit(_ball(start, e, unit=unit, rate=rate), transient=20)
-    branch = mi.continue_orbit(orbit, "A", stop=start + 0.2)
+    branch = mi.continue_solution(orbit, "A", stop=start + 0.2)
     (onset,) = branch.special_points
     assert (onset.label, onset.kind) == ("CC", "onset of complete chatter")
     assert onset.value == pytest.approx(expected, abs=1e-9)
@@ -107,7 +107,7 @@ def test_branch_ends_at_the_onset_of_complete_chatter(e, start, unit, rate):
 def test_chatter_that_comes_to_the_start_of_a_period_is_no_grazing():
     """At this phase the period begins within the rest; the end of the chatter comes to meet it."""
     orbit = mi.find_orbit(_ball(1.55, 0.5, phase=0.0), transient=20)
-    branch = mi.continue_orbit(orbit, "A", stop=1.6)
+    branch = mi.continue_solution(orbit, "A", stop=1.6)
     assert not branch.special_points
     assert branch.ended.startswith("a chatter sequence reaches the start")
     assert branch.table["admissible"].all()
@@ -118,7 +118,7 @@ def test_chatter_that_comes_to_the_start_of_a_period_is_no_grazing():
 def test_the_onset_is_continued_in_two_parameters():
     """The number of impacts that the orbit holds stays, which costs the points some digits."""
     orbit = mi.find_orbit(_ball(1.597, 0.5), transient=20)
-    (onset,) = mi.continue_orbit(orbit, "A", stop=1.65).special_points
+    (onset,) = mi.continue_solution(orbit, "A", stop=1.65).special_points
     curve = mi.continue_curve(onset, "e", 0.49)
     assert curve.ended == "e reached its bound"
     for A, e in curve.table[["A", "e"]].iloc[::3].to_numpy():

@@ -29,7 +29,7 @@ def test_equilibria(steps, stop):
     parameters = {"m": 0.1, "size": 0.5}
     system = mi.System(states=("x",), flow=stands, parameters=parameters, initial={"x": 2.4})
     (upper,) = [e for e in mi.find_equilibria(system) if e.state.x > 2.0]
-    branch = mi.continue_equilibrium(upper, "m", stop=stop, back=-stop, steps=steps)
+    branch = mi.continue_solution(upper, "m", stop=stop, back=-stop, steps=steps)
     assert branch.ended == "the branch closed upon itself"
     folds = [(s.label, s.value) for s in branch.special_points]
     way = math.copysign(0.5, stop)
@@ -78,7 +78,7 @@ def test_limit_cycles(guards):
     )
     cycle = mi.find_orbit(system)
     for stop, steps in ((1.0, mi.StepControl(max_step=0.1)), (-1.0, mi.StepControl(max_step=0.2))):
-        branch = mi.continue_orbit(cycle, "m", stop=stop, back=-stop, steps=steps)
+        branch = mi.continue_solution(cycle, "m", stop=stop, back=-stop, steps=steps)
         assert branch.ended == "the branch closed upon itself"
         assert [s.label for s in branch.special_points] == ["CF", "CF"]
         radii = np.array([math.hypot(orbit.state.x, orbit.state.y) for orbit in branch.orbits])
@@ -118,7 +118,7 @@ def test_orbits_that_come_back_in_another_of_their_periods():
     shifts = []
     for shift, steps in ((0, mi.StepControl(max_step=0.1)), (1, mi.StepControl(max_step=0.2))):
         orbit = mi.find_orbit(OSCILLATOR, transient=300 + shift, periods=5)
-        branch = mi.continue_orbit(orbit, "A", stop=27.0, back=20.0, steps=steps)
+        branch = mi.continue_solution(orbit, "A", stop=27.0, back=20.0, steps=steps)
         assert branch.ended == "the branch closed upon itself"
         assert [s.label for s in branch.special_points] == ["G", "G", "PD"]
         assert branch.special_points[1].value == pytest.approx(GRAZING, rel=1e-9)
@@ -136,7 +136,7 @@ def test_orbits_that_come_back_in_another_of_their_periods():
 @pytest.mark.nightly
 def test_a_curve_of_grazings():
     silent = mi.find_orbit(OSCILLATOR.changed(A=21.0, B=3.0), transient=100)
-    (grazing, *_) = mi.continue_orbit(silent, "A", stop=23.0).special_points
+    (grazing, *_) = mi.continue_solution(silent, "A", stop=23.0).special_points
     curve = mi.continue_curve(grazing, "B", 30.0, back=-30.0, steps=mi.StepControl(max_step=2.0))
     assert curve.ended == "the curve closed upon itself"
     radii = np.hypot(curve.table["A"], curve.table["B"]).to_numpy()

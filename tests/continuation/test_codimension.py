@@ -43,7 +43,7 @@ def followed(label, parameter, stop, second, start=0.5, **values):
     options = mi.Options(method="dop853")
     guess = {"x": start, "y": start, "w": 0.0}
     begin = mi.find_orbit(HENON.changed(**values), periods=1, options=options, guess=guess)
-    branch = mi.continue_orbit(begin, parameter, stop, steps=mi.StepControl(max_step=0.1))
+    branch = mi.continue_solution(begin, parameter, stop, steps=mi.StepControl(max_step=0.1))
     special = next(point for point in branch.special_points if point.label == label)
     return mi.continue_curve(special, *second, steps=mi.StepControl(max_step=0.2))
 

@@ -43,7 +43,7 @@ PRODUCT = mi.System(
 def special(label, parameter, stop):
     guess = dict.fromkeys("yuvrs", 0.0) | {"x": math.sqrt(0.05)}
     orbit = mi.find_orbit(PRODUCT, periods=1, options=PRECISE, guess=guess)
-    found = mi.continue_orbit(orbit, parameter, stop, steps=STEPS).special_points
+    found = mi.continue_solution(orbit, parameter, stop, steps=STEPS).special_points
     return next(point for point in found if point.label == label)
 
 
@@ -121,7 +121,7 @@ def test_on_a_curve_of_grazings():
         parameters={"A": 1.0, "wall": 0.93},
     )
     orbit = mi.find_orbit(system, periods=1, options=PRECISE, guess={"x": 0.2, "v": 0.2})
-    grazing = mi.continue_orbit(orbit, "A", 2.2, steps=STEPS).special_points[0]
+    grazing = mi.continue_solution(orbit, "A", 2.2, steps=STEPS).special_points[0]
     assert grazing.value == pytest.approx(0.93 * math.sqrt(4.25), rel=1e-9)
     flip, pair, double = mi.continue_curve(grazing, "wall", 1.03, steps=STEPS).special_points
     assert flip.kind == "grazing-flip"

@@ -52,7 +52,7 @@ SPRINGS = mi.System(
 
 def through(system, start, stop):
     orbit = mi.find_orbit(system.changed(A=start), transient=100)
-    return mi.continue_orbit(orbit, "A", stop)
+    return mi.continue_solution(orbit, "A", stop)
 
 
 def check_through(branch, phase, *, inwards):
@@ -129,8 +129,8 @@ def test_of_a_limit_cycle():
         ],
         initial={"x": 0.5},
     )
-    out = mi.continue_orbit(mi.find_orbit(system), "d", 2.03)
-    into = mi.continue_orbit(mi.find_orbit(system.changed(d=2.03)), "d", 1.98)
+    out = mi.continue_solution(mi.find_orbit(system), "d", 2.03)
+    into = mi.continue_solution(mi.find_orbit(system.changed(d=2.03)), "d", 1.98)
     for branch in (out, into):
         (touched,) = branch.special_points
         assert touched.kind == "contact"

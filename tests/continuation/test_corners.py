@@ -45,7 +45,7 @@ def warned(step):
     orbit = mi.find_orbit(system, transient=60)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        mi.continue_orbit(orbit, "rho", stop=0.3)
+        mi.continue_solution(orbit, "rho", stop=0.3)
     return [str(each.message) for each in caught if each.category is mi.DiscontinuityWarning]
 
 
@@ -82,7 +82,7 @@ def test_a_branch_whose_perturbations_exceed_all_digits_says_so():
 
     system = mi.System(states=("v", "x"), flow=flow, period=lambda p: p.T, parameters={"T": 6.0})
     orbit = mi.find_orbit(system, guess={"x": 0.0, "v": 0.5}, periods=1)
-    branch = mi.continue_orbit(orbit, "T", stop=12.0, steps=mi.StepControl(max_step=0.5))
+    branch = mi.continue_solution(orbit, "T", stop=12.0, steps=mi.StepControl(max_step=0.5))
     last = branch.orbits[-1]
     growth = np.abs(last.multipliers).max()
     assert growth == pytest.approx(math.exp(5.0 * last.period), rel=1e-3)

@@ -67,7 +67,7 @@ def test_equilibria(flow, start, parameter, low, high, points):
     guess = start if isinstance(start, dict) else dict.fromkeys(start, 0.0)
     system = mi.System(states=tuple(guess), flow=flow, parameters={parameter: low})
     first = mi.find_equilibria(system, guess=guess)[0]
-    found = mi.continue_equilibrium(first, parameter, high).special_points
+    found = mi.continue_solution(first, parameter, high).special_points
     assert [each.value for each in found] == pytest.approx([at for at, _ in points], abs=1e-6)
     assert [each.criticality for each in found] == [kind for _, kind in points]
 
@@ -76,7 +76,7 @@ def test_equilibria(flow, start, parameter, low, high, points):
 def test_the_hopf_point_of_the_lorenz_system():
     system = mi.System(states=("x", "y", "z"), flow=lorenz, parameters={"r": 15.0})
     first = mi.find_equilibria(system, guess={"x": 6.0, "y": 6.0, "z": 14.0})[0]
-    (hopf,) = mi.continue_equilibrium(first, "r", 30.0).special_points
+    (hopf,) = mi.continue_solution(first, "r", 30.0).special_points
     assert hopf.value == pytest.approx(470.0 / 19.0, abs=1e-9)
     assert hopf.criticality == BELOW
 
@@ -126,7 +126,7 @@ def test_maps(function, guess, low, high, label, value, coefficient, criticality
     )
     options = mi.Options(method="dop853", rtol=1e-11, atol=1e-13, engine=engine)
     orbit = mi.find_orbit(system, periods=1, guess=guess, options=options)
-    (point,) = mi.continue_orbit(orbit, "r", high).special_points
+    (point,) = mi.continue_solution(orbit, "r", high).special_points
     assert (point.label, point.value) == (label, pytest.approx(value, abs=1e-9))
     assert point.criticality == criticality
     if coefficient is not None:
@@ -146,7 +146,7 @@ def test_a_parametrically_excited_pendulum(turn, criticality):
         parameters={"turn": turn, "depth": 0.05},
     )  # fmt: skip
     orbit = mi.find_orbit(system, guess={"q": 0.0, "w": 0.0})
-    (doubling,) = mi.continue_orbit(orbit, "depth", 0.5).special_points
+    (doubling,) = mi.continue_solution(orbit, "depth", 0.5).special_points
     assert (doubling.label, doubling.criticality) == ("PD", criticality)
     few = mi.StepControl(max_points=8)
     table = mi.switch_branch(doubling, bounds=(0.0, 1.0), steps=few).table.iloc[1:]
@@ -163,7 +163,7 @@ def test_symmetric_cycles_of_the_lorenz_system():
         initial={"x": 10.0, "y": 50.0, "z": 330.0}, section=("x", 0.0),
     )  # fmt: skip
     cycle = mi.find_orbit(system, transient=60.0)
-    fork = mi.continue_orbit(cycle, "r", 305.0, stop_at="BP").special_points[-1]
+    fork = mi.continue_solution(cycle, "r", 305.0, stop_at="BP").special_points[-1]
     assert (fork.label, fork.criticality) == ("BP", ABOVE)
     assert fork.value == pytest.approx(313.0, abs=0.05)
     pair = mi.switch_branch(fork, bounds=(300.0, 320.0), steps=mi.StepControl(max_points=8)).table
@@ -184,7 +184,7 @@ def test_a_torus_of_the_forced_van_der_pol_oscillator():
         states=("x", "v"), flow=vanderpol, period=2.0 * math.pi / 1.7, parameters={"mu": -0.2}
     )
     orbit = mi.find_orbit(system, transient=100)
-    (point,) = mi.continue_orbit(orbit, "mu", 1.0).special_points
+    (point,) = mi.continue_solution(orbit, "mu", 1.0).special_points
     assert (point.label, point.criticality) == ("NS", ABOVE)
     for change, low, high in ((-0.01, 0.0, 1e-6), (0.01, 0.40, 0.42)):
         beside = system.changed(mu=point.value + change)

@@ -37,12 +37,12 @@ def doubling():
 
 @pytest.fixture(scope="module")
 def period_two(doubling):
-    orbit = switch_at_period_doubling(doubling.orbit, "amplitude")[0]
+    orbit = switch_at_period_doubling(doubling.solution, "amplitude")[0]
     return follow(orbit, "amplitude", low=0.1755, high=0.177)
 
 
 def test_the_period_doubles(doubling):
-    orbit, away = switch_at_period_doubling(doubling.orbit, "amplitude")
+    orbit, away = switch_at_period_doubling(doubling.solution, "amplitude")
     assert orbit.periods == 2
     assert orbit.admissible
     assert check_closed(orbit) < 1e-8
@@ -57,10 +57,10 @@ def test_the_doubling_at_this_frequency_is_subcritical(doubling, period_two):
     """Period two leaves towards larger f, unstable, and turns stable where an impact is lost."""
     first = period_two.points[0]
     assert first.value > doubling.value
-    assert not first.orbit.stable
+    assert not first.solution.stable
     grazing = special(period_two, "grazing")[0]
     assert grazing.value > doubling.value
-    stable = [p.orbit for p in period_two.points if p.piece == 1 and p.orbit.stable]
+    stable = [p.solution for p in period_two.points if p.piece == 1 and p.solution.stable]
     assert stable
     for orbit in stable[:: max(1, len(stable) // 4)]:
         assert len(orbit.impacts) == 1
@@ -71,7 +71,7 @@ def test_the_doubling_at_this_frequency_is_subcritical(doubling, period_two):
 
 def test_period_four(period_two):
     second = special(period_two, "period-doubling")[0]
-    orbit = switch_at_period_doubling(second.orbit, "amplitude")[0]
+    orbit = switch_at_period_doubling(second.solution, "amplitude")[0]
     assert orbit.periods == 4
     assert check_closed(orbit) < 1e-7
 
@@ -87,13 +87,13 @@ def test_supercritical_doublings_of_the_linear_oscillator(omega):
         find_periodic_orbit(family, guess), "amplitude", low=far[0], high=far[1], direction=-1
     )
     (found,) = special(branch, "period-doubling")
-    orbit, towards = switch_at_period_doubling(found.orbit, "amplitude")
+    orbit, towards = switch_at_period_doubling(found.solution, "amplitude")
     near = found.value * (1.0 - 1e-2), found.value * (1.0 + 1e-2)
     beyond = follow(orbit, "amplitude", low=near[0], high=near[1], direction=towards)
     stable = [
-        p.orbit
+        p.solution
         for p in beyond.points
-        if p.orbit.admissible and np.abs(p.orbit.multipliers).max() < 0.9
+        if p.solution.admissible and np.abs(p.solution.multipliers).max() < 0.9
     ]
     assert stable
     assert beyond.ended == "amplitude reached its bound"
@@ -109,7 +109,7 @@ def test_an_orbit_that_does_not_double_is_refused():
 
 def test_a_doubled_branch_ends_in_the_doubling(doubling, period_two):
     """Followed back, it is not a fold, and it does not run back upon itself in the other phase."""
-    start = period_two.points[min(5, len(period_two.points) - 1)].orbit
+    start = period_two.points[min(5, len(period_two.points) - 1)].solution
     back = follow(start, "amplitude", low=0.17, high=0.18, direction=-1)
     (found,) = special(back, "period-doubling")
     assert found.label == "PD"
@@ -132,7 +132,7 @@ def test_the_fold_of_an_orbit_of_half_the_period_is_a_fold():
 def test_what_is_listed_as_a_doubling_can_be_switched(doubling):
     """A multiplier within 1e-3 of -1 is one that is -1, for the list and for the switch."""
     beside = actuator(doubling.value - 1e-6, 0.485)
-    near = find_periodic_orbit(beside, doubling.orbit.instant, active=("amplitude",))
+    near = find_periodic_orbit(beside, doubling.solution.instant, active=("amplitude",))
     assert 1e-4 < np.abs(near.multipliers + 1.0).min() < 1e-3
     assert switch_at_period_doubling(near, "amplitude")[0].periods == 2
 
@@ -153,7 +153,7 @@ def test_a_branch_between_two_doublings_of_another_ends_at_either():
     )  # fmt: skip
     orbit = mi.find_orbit(system, transient=200)
     assert orbit.periods == 2
-    branch = mi.continue_orbit(orbit, "A", 0.4757)
+    branch = mi.continue_solution(orbit, "A", 0.4757)
     ends = [special for special in branch.special_points if special.label == "PD"]
     assert ends[1].value - ends[0].value == pytest.approx(0.1889, abs=1e-4)
     labels = []
@@ -205,7 +205,7 @@ BOOST = mi.System(
 
 def test_orbits_of_twice_the_period_at_one_value_of_the_parameter_lead_to_others():
     """The orbits that double share one voltage, up to one with its peak current at the clock."""
-    branch = mi.continue_orbit(mi.find_orbit(BOOST, transient=100), "V", 25.0)
+    branch = mi.continue_solution(mi.find_orbit(BOOST, transient=100), "V", 25.0)
     (doubling,) = branch.special_points
     rise, decay = 10.0 - 0.3 * 2.0, math.exp(0.3 * 0.1)
     assert doubling.value == pytest.approx(rise * (1.0 + decay), abs=1e-9)
@@ -222,9 +222,9 @@ def test_orbits_of_twice_the_period_at_one_value_of_the_parameter_lead_to_others
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_peak_at_the_start_of_either_period_is_passed(sign):
     """The two senses of the null vector at a doubling give one orbit, begun a period apart."""
-    branch = mi.continue_orbit(mi.find_orbit(BOOST, transient=100), "V", 25.0)
+    branch = mi.continue_solution(mi.find_orbit(BOOST, transient=100), "V", 25.0)
     special = branch.special_points[0].numeric
-    orbit, away = switch_at_period_doubling(special.orbit, "V")
+    orbit, away = switch_at_period_doubling(special.solution, "V")
     doubled = np.append(orbit.point.unknowns, special.value) - away
     orbit, away = first_orbit_on_branch(orbit.shooting, doubled, sign * away, (1.0,))
     twice = follow(orbit, "V", low=12.0, high=19.2, direction=away)
@@ -235,7 +235,7 @@ def test_a_peak_at_the_start_of_either_period_is_passed(sign):
 def test_the_doubling_of_a_linear_map_is_neither_super_nor_subcritical():
     """Rounding errors of its derivatives may agree by chance."""
     boost = BOOST.changed(E=20.0, V=24.0, r=1.0)
-    branch = mi.continue_orbit(mi.find_orbit(boost, transient=100), "V", 60.0)
+    branch = mi.continue_solution(mi.find_orbit(boost, transient=100), "V", 60.0)
     (doubling,) = branch.special_points
     assert doubling.label == "PD"
     assert doubling.criticality == ""

@@ -16,7 +16,7 @@ STEPS = mi.StepControl(initial_step=0.02, max_step=0.3)
 
 def special_point(system, guess, parameter, stop, label, **bounds):
     first = mi.find_equilibria(system, guess=guess)[0]
-    branch = mi.continue_equilibrium(first, parameter, stop, **bounds)
+    branch = mi.continue_solution(first, parameter, stop, **bounds)
     return next(each for each in branch.special_points if each.label == label)
 
 
@@ -40,7 +40,7 @@ def test_cusp():
     assert abs(27.0 * a**2 - 4.0 * b**3).max() < 1e-9
     assert a[0] * a[-1] < 0.0  # on the other side of the cusp
     assert curve.ended == "b reached its bound"
-    assert (curve.kind, curve.label, curve.orbits) == ("fold", "LP", ())
+    assert (curve.kind, curve.label, hasattr(curve, "orbits")) == ("fold", "LP", False)
     assert "equilibria" in repr(curve)
 
 
@@ -254,7 +254,7 @@ def test_hopf_points_of_pseudo_equilibria():
     The Hopf curve m = -b/2 ends at b = 2.
     """
     (rest,) = mi.find_equilibria(SLIDING, modes=["sliding"])
-    (hopf,) = mi.continue_equilibrium(rest, "m", 1.0).special_points
+    (hopf,) = mi.continue_solution(rest, "m", 1.0).special_points
     assert abs(hopf.value + 0.25) < 1e-9
     curve = mi.continue_curve(hopf, "b", 3.0, steps=STEPS)
     check(curve, ("Bogdanov-Takens", {"m": -1.0, "b": 2.0}))
@@ -291,7 +291,7 @@ def test_what_is_refused():
         mi.continue_curve(fold, "a", 2.0)
     events = {"high": ("y", 0.0)}
     first = mi.find_equilibria(LIFTED)[0]
-    special = mi.continue_equilibrium(first, "a", 1.0, events=events).special_points[0]
+    special = mi.continue_solution(first, "a", 1.0, events=events).special_points[0]
     with pytest.raises(mi.InvalidParameter, match="which have curves"):
         mi.continue_curve(special, "b", 1.0)
 

@@ -7,7 +7,7 @@ from scipy import linalg
 import mems_impact as mi
 from mems_impact.continuation.grazing import contact_coefficients, grazing_type
 from mems_impact.continuation.orbit_branch import follow
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import OrbitError
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.continuation import free_block
 from tests.orbits.families import at, oscillator, silent_orbit
@@ -27,7 +27,7 @@ def grazing(omega, **changes):
 )
 def test_types_of_the_paper(omega, expected):
     found = grazing(omega)
-    assert grazing_type(found.orbit, found.monitor) == expected
+    assert grazing_type(found.solution, found.monitor) == expected
 
 
 @pytest.mark.parametrize("e", [0.8, 0.05])
@@ -38,7 +38,7 @@ def test_sequence_is_that_of_the_monodromy_matrix(e):
     is over; below e = 0.2 that is none or less, and the kick is -(1 + e_eff) all the same.
     """
     found = grazing(0.5, e=e)
-    orbit = found.orbit
+    orbit = found.solution
     xi = contact_coefficients(orbit.shooting, orbit.point, found.monitor, 12)
     f = orbit.family.values["amplitude"]
 
@@ -61,7 +61,7 @@ def test_linear_oscillator_grazes_continuously_at_real_multipliers():
     )
     branch = follow(orbit, "amplitude", low=0.4, high=4.0)
     found = next(s for s in branch.special_points if s.kind == "grazing")
-    assert grazing_type(found.orbit, found.monitor) == "continuous"
+    assert grazing_type(found.solution, found.monitor) == "continuous"
 
 
 def test_linear_oscillator_jumps():
@@ -69,7 +69,7 @@ def test_linear_oscillator_jumps():
     orbit = find_periodic_orbit(oscillator(amplitude=0.3, omega=1.3), at((0.0, 0.0)), transient=300)
     branch = follow(orbit, "amplitude", low=0.2, high=0.72)
     found = next(s for s in branch.special_points if s.kind == "grazing")
-    assert grazing_type(found.orbit, found.monitor) == "jump"
+    assert grazing_type(found.solution, found.monitor) == "jump"
 
 
 @pytest.mark.parametrize(("c", "expected"), [(2.5, "continuous"), (0.1, "jump")])
@@ -87,11 +87,11 @@ def test_a_linear_oscillator_under_a_voltage_that_switches(c, expected):
         parameters={"f": 0.5, "c": c},
         guards=[mi.Impact("stop", lambda mode, t, y, p: 2.0 - y.x, rebound)],
     )  # fmt: skip
-    branch = mi.continue_orbit(mi.find_orbit(system, transient=100), "f", stop=9.0)
+    branch = mi.continue_solution(mi.find_orbit(system, transient=100), "f", stop=9.0)
     special = next(each for each in branch.special_points if each.label == "G")
-    assert special.grazing_type == expected
+    assert special.type == expected
     found = special.without_impact
-    xi = contact_coefficients(found.orbit.shooting, found.orbit.point, found.monitor, 8)
+    xi = contact_coefficients(found.solution.shooting, found.solution.point, found.monitor, 8)
     monodromy = linalg.expm(8.0 * np.array([[0.0, 1.0], [-1.0, -c]]))
     powers = np.array([np.linalg.matrix_power(monodromy, k)[0, 1] for k in range(1, 9)])
     np.testing.assert_allclose(xi / xi[0], powers / powers[0], atol=1e-6)
@@ -117,12 +117,12 @@ def test_a_limit_cycle_that_impacts_heat(heat, expected):
         states=("x", "v", "T"), flow=flow, parameters={"d": 2.1, "heat": heat}, initial={"x": 1.9},
         guards=[mi.Impact("wall", lambda mode, t, y, p: p.d - y.x, rebound)],
     )  # fmt: skip
-    branch = mi.continue_orbit(mi.find_orbit(system, transient=50), "d", 1.95, stop_at="G")
-    assert branch.special_points[-1].grazing_type == expected
+    branch = mi.continue_solution(mi.find_orbit(system, transient=50), "d", 1.95, stop_at="G")
+    assert branch.special_points[-1].type == expected
 
 
 def test_only_grazings_have_a_type():
     branch = follow(silent_orbit(0.16, 0.45), "amplitude", low=0.1, high=0.26)
     fold = next(s for s in branch.special_points if s.kind == "fold")
-    with pytest.raises(InvalidParameter, match="monitor"):
-        grazing_type(fold.orbit, fold.monitor)
+    with pytest.raises(OrbitError, match="has no type"):
+        grazing_type(fold.solution, fold.monitor)

@@ -64,7 +64,7 @@ def test_grazing_of_a_wall_that_moves_faster_than_the_steps(method, unit, rate):
     )
     orbit = mi.find_orbit(system, transient=40, options=mi.Options(method=method))
     steps = mi.StepControl(max_points=60)
-    branch = mi.continue_orbit(orbit, "amplitude", stop=0.5 * scale, steps=steps)
+    branch = mi.continue_solution(orbit, "amplitude", stop=0.5 * scale, steps=steps)
     expected = brentq(_steady, 0.1, 1.0, xtol=1e-13)
     first = branch.special_points[0]
     assert first.kind == "grazing"

@@ -36,7 +36,7 @@ def van_der_pol(mode, t, y, p):
 def followed(flow, start, m, stop, transient, options=ORBIT_OPTIONS, steps=STEPS):
     system = mi.System(states=("x", "y"), flow=flow, parameters={"m": m}, initial={"x": start})
     cycle = mi.find_orbit(system, transient=transient, options=options)
-    return mi.continue_orbit(cycle, "m", stop, steps=steps)
+    return mi.continue_solution(cycle, "m", stop, steps=steps)
 
 
 @pytest.mark.nightly
@@ -60,7 +60,7 @@ def test_the_period_is_in_the_table():
     system = mi.System(states=("x", "y"), flow=circle, parameters={"m": 1.5}, initial={"x": 1.0})
     options = mi.Options(method="dop853", engine="interpreted")
     orbit = mi.find_orbit(system, transient=20.0, options=options)
-    branch = mi.continue_orbit(orbit, "m", 1.2, steps=mi.StepControl(max_points=3))
+    branch = mi.continue_solution(orbit, "m", 1.2, steps=mi.StepControl(max_points=3))
     table = branch.table
     expected = 2.0 * math.pi / np.sqrt(table["m"].to_numpy() ** 2 - 1.0)
     assert table["period"].to_numpy() == pytest.approx(expected, rel=1e-8)
@@ -102,7 +102,7 @@ def test_a_homoclinic_orbit_in_closed_form(tmp_path):
     """At a = 0 the eigenvalues at the origin are 1 and -3."""
     system = mi.System(states=("x", "y"), flow=kuznetsov, parameters={"a": 0.2})
     start = mi.find_equilibria(system, guess={"x": 0.63, "y": 0.11})[0]
-    (hopf,) = mi.continue_equilibrium(start, "a", 0.5, back=0.1).special_points
+    (hopf,) = mi.continue_solution(start, "a", 0.5, back=0.1).special_points
     cycles = mi.switch_branch(hopf, bounds=(-0.5, 0.5), steps=STEPS)
     assert "period" in cycles.table
     end = cycles.homoclinic
@@ -145,7 +145,7 @@ def test_the_homoclinic_orbit_of_the_lorenz_system():
     guess = {"x": 7.1, "y": 7.1, "z": 19.0}
     steady = mi.find_equilibria(system, guess=guess)[0]
     steps = mi.StepControl(max_step=2.0)
-    (hopf,) = mi.continue_equilibrium(steady, "r", stop=30.0, steps=steps).special_points
+    (hopf,) = mi.continue_solution(steady, "r", stop=30.0, steps=steps).special_points
     cycles = mi.switch_branch(hopf, bounds=(10.0, 30.0), steps=steps)
     end = cycles.homoclinic
     assert end.value == pytest.approx(low, abs=2e-5)
@@ -192,7 +192,7 @@ def test_a_symmetric_cycle_approaches_a_pair_of_homoclinic_orbits():
         states=("x", "v"), flow=figure_eight, parameters={"a": 1.2}, initial={"x": 2.0}
     )
     cycle = mi.find_orbit(system, transient=100.0)
-    branch = mi.continue_orbit(cycle, "a", stop=0.3, steps=mi.StepControl(max_step=0.2))
+    branch = mi.continue_solution(cycle, "a", stop=0.3, steps=mi.StepControl(max_step=0.2))
     (fold,) = branch.special_points
     assert fold.label == "CF"
     end = branch.homoclinic
@@ -286,7 +286,7 @@ def test_a_cycle_whose_thresholds_move_to_its_equilibria():
             mi.Guard("lower", above_lower, to_high, modes=(LOW,)),
         ],
     )
-    branch = mi.continue_orbit(mi.find_orbit(relay), "h", stop=2.0, steps=STEPS)
+    branch = mi.continue_solution(mi.find_orbit(relay), "h", stop=2.0, steps=STEPS)
     assert branch.ended.startswith("the period grows beyond bounds")
     (last,) = branch.special_points
     assert last.label in ("upper", "lower")

@@ -53,7 +53,7 @@ def test_a_continuum_of_cycles_has_no_folds_and_leads_to_limit_cycles():
         initial=mi.State(x=1.5, z=-1.5, mode=RIGHT),
     )
     (rest,) = mi.find_equilibria(chua, modes=["right"])
-    (hopf,) = mi.continue_equilibrium(rest, "alpha", 8.0).special_points
+    (hopf,) = mi.continue_solution(rest, "alpha", 8.0).special_points
     assert hopf.value == pytest.approx(brentq(hurwitz, 6.0, 8.0), abs=1e-9)
     assert hopf.criticality == ""
     cycles = mi.switch_branch(hopf, bounds=(5.0, 8.5))
@@ -65,5 +65,5 @@ def test_a_continuum_of_cycles_has_no_folds_and_leads_to_limit_cycles():
     assert cycles.table["admissible"].all()
     # The doubling is also that of the attractor.
     cycle = mi.find_orbit(chua.changed(alpha=8.0), guess={"x": 2.13, "y": 0.14, "z": -2.9})
-    (same,) = mi.continue_orbit(cycle, "alpha", 8.4).special_points
+    (same,) = mi.continue_solution(cycle, "alpha", 8.4).special_points
     assert doubling.value == pytest.approx(same.value, abs=1e-8)

@@ -49,9 +49,9 @@ def test_fold_in_the_amplitude(exact):
     (fold,) = [s for s in branch.special_points if s.kind == "fold"]
     assert fold.value == pytest.approx(exact.fold(), abs=1e-9)
     assert fold.label == "CF"
-    assert np.abs(fold.orbit.multipliers - 1.0).min() < 1e-8
-    assert fold.orbit.impacts[0][2][1] == pytest.approx(exact.fold_speed(), abs=1e-6)
-    stable = [p.orbit.stable for p in branch.points if p.value > exact.fold() + 1e-6]
+    assert np.abs(fold.solution.multipliers - 1.0).min() < 1e-8
+    assert fold.solution.impacts[0][2][1] == pytest.approx(exact.fold_speed(), abs=1e-6)
+    stable = [p.solution.stable for p in branch.points if p.value > exact.fold() + 1e-6]
     assert stable[0]
     assert not stable[-1]
 
@@ -75,7 +75,7 @@ def test_period_doubling_in_the_amplitude(exact):
         (doubling,) = [s for s in branch.special_points if s.kind == "period-doubling"]
         assert doubling.value == pytest.approx(exact.doubling(), abs=1e-9)
         assert doubling.label == "PD"
-        assert np.abs(doubling.orbit.multipliers + 1.0).min() < 1e-8
+        assert np.abs(doubling.solution.multipliers + 1.0).min() < 1e-8
 
 
 def test_from_the_grazing_to_the_fold_and_back_to_large_impacts():
@@ -88,10 +88,10 @@ def test_from_the_grazing_to_the_fold_and_back_to_large_impacts():
     assert branch.special_points[1].value == pytest.approx(exact.fold(), abs=1e-9)
     assert branch.ended == "amplitude reached its bound"
     assert branch.points[-1].value == pytest.approx(0.8, abs=1e-12)
-    assert all(p.orbit.admissible for p in branch.points)
+    assert all(p.solution.admissible for p in branch.points)
     for point in branch.points:
-        if point.orbit.impacts and point.orbit.impacts[0][2][1] > 1e-3:
-            speed = point.orbit.impacts[0][2][1]
+        if point.solution.impacts and point.solution.impacts[0][2][1] > 1e-3:
+            speed = point.solution.impacts[0][2][1]
             assert point.value == pytest.approx(exact.amplitude_at(speed), abs=1e-8)
 
 
@@ -105,10 +105,10 @@ def test_impact_that_wanders_across_the_start_of_the_period(direction):
     reached = [point.value for point in branch.points]
     assert min(reached) < 0.55 < 0.56 < max(reached)
     for point in branch.points:
-        if point.orbit.impacts and point.orbit.impacts[0][2][1] > 1e-3:
-            speed = point.orbit.impacts[0][2][1]
+        if point.solution.impacts and point.solution.impacts[0][2][1] > 1e-3:
+            speed = point.solution.impacts[0][2][1]
             assert point.value == pytest.approx(exact.amplitude_at(speed), abs=1e-8)
-            assert point.orbit.admissible
+            assert point.solution.admissible
     assert branch.ended == "amplitude reached its bound"
 
 
@@ -135,7 +135,7 @@ def test_closed_branch():
         for value in found:
             assert np.abs(np.array(expected) - value).min() < 1e-9
         assert branch.ended == "the branch closed upon itself"
-        ends = [np.append(p.orbit.point.unknowns, p.value) for p in branch.points]
+        ends = [np.append(p.solution.point.unknowns, p.value) for p in branch.points]
         assert np.linalg.norm(ends[-1] - ends[0]) <= StepControl().max_step
         assert len(found) == 2
 
@@ -205,5 +205,5 @@ def test_a_branch_crosses_octaves_of_the_period():
         for point in branch.points[:: max(1, len(branch.points) // 20)]:
             w = point.value
             exact = 0.3 / np.hypot(1.0 - w * w, 0.1 * w)
-            x, v = point.orbit.state
+            x, v = point.solution.state
             assert np.hypot(x, v / w) == pytest.approx(exact, rel=1e-9)

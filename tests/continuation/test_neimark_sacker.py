@@ -70,12 +70,12 @@ def divergence(orbit, mu):
 def check(branch, special):
     """A pair on the unit circle off the real axis; stability is lost there and nowhere else."""
     assert special.label == "NS"
-    assert np.abs(special.orbit.multipliers) == pytest.approx(1.0, abs=1e-8)
-    assert np.abs(special.orbit.multipliers.imag).min() > 0.1
+    assert np.abs(special.solution.multipliers) == pytest.approx(1.0, abs=1e-8)
+    assert np.abs(special.solution.multipliers.imag).min() > 0.1
     for point in branch.points:
         if abs(point.value - special.value) > 1e-6:
             before = (point.value - special.value) * (branch.points[0].value - special.value) > 0.0
-            assert point.orbit.stable == before
+            assert point.solution.stable == before
 
 
 @pytest.mark.nightly
@@ -84,7 +84,7 @@ def test_van_der_pol():
     orbit = find_periodic_orbit(FunctionFamily(values, _problem), at((0.0, 0.0)), transient=100)
     branch = follow(orbit, "mu", low=-0.3, high=0.6)
     (special,) = branch.special_points
-    assert divergence(special.orbit, special.value) == pytest.approx(0.0, abs=1e-8)
+    assert divergence(special.solution, special.value) == pytest.approx(0.0, abs=1e-8)
     check(branch, special)
 
 
@@ -114,7 +114,7 @@ def linear_map(transition, size):
     )
     options = mi.Options(engine="interpreted", method="dop853")
     orbit, steps = mi.find_orbit(system, options=options), mi.StepControl(max_step=0.2)
-    return mi.continue_orbit(orbit, "size", size + 0.5, steps=steps)
+    return mi.continue_solution(orbit, "size", size + 0.5, steps=steps)
 
 
 @pytest.mark.parametrize("angle", [1e-3, 3.0])

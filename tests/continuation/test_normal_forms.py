@@ -124,7 +124,7 @@ def test_neimark_sacker_of_a_map(t, e, f):
 @pytest.mark.slow
 def test_generalized_flip_on_a_curve():
     orbit = mi.find_orbit(_flip(a=-0.1, b=-0.1), periods=1, options=COMPILED)
-    (doubling,) = mi.continue_orbit(orbit, "a", stop=0.2).special_points
+    (doubling,) = mi.continue_solution(orbit, "a", stop=0.2).special_points
     assert doubling.criticality == "supercritical"
     (point,) = mi.continue_curve(doubling, "b", -0.4).special_points
     assert point.kind == "generalized flip"
@@ -138,7 +138,7 @@ def test_generalized_flip_on_a_curve():
 def test_chenciner_on_a_curve():
     """The root of the coefficient in closed form. At 1:3 the coefficient is not defined."""
     orbit = mi.find_orbit(_turn(d=0.9, t=-0.9), periods=1, options=COMPILED)
-    (start,) = mi.continue_orbit(orbit, "d", stop=1.2).special_points
+    (start,) = mi.continue_solution(orbit, "d", stop=1.2).special_points
     curve = mi.continue_curve(start, "t", -1.3)
     found = {special.kind: special.values["t"] for special in curve.special_points}
     exact = brentq(lambda t: _turn_coefficient(t, 0.3, 0.2), -1.3, -1.05)
@@ -192,7 +192,7 @@ def test_a_supercritical_doubling_of_a_cycle_leads_to_stable_cycles():
         states=("x", "y", "z"), flow=_rossler, parameters={"c": 2.6}, section=("y", 0.0),
         initial={"x": -3.0, "y": 0.0, "z": 0.02},
     )  # fmt: skip
-    branch = mi.continue_orbit(mi.find_orbit(system, transient=200), "c", stop=3.2)
+    branch = mi.continue_solution(mi.find_orbit(system, transient=200), "c", stop=3.2)
     assert branch.special_table["criticality"].tolist() == ["supercritical"]
     doubled = mi.switch_branch(branch.special_points[0], bounds=(2.6, 3.2)).table
     assert (doubled["c"] > branch.special_points[0].value).all()
@@ -205,7 +205,7 @@ def test_criticality_of_the_actuator_by_the_doubled_orbits():
     actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.29, omega=0.45)
     start = mi.kicked_state(actuator)
     orbit = mi.find_orbit(actuator, drive, guess=start, transient=300)
-    (special,) = mi.continue_orbit(orbit, "amplitude", stop=0.25).special_points
+    (special,) = mi.continue_solution(orbit, "amplitude", stop=0.25).special_points
     assert (special.label, special.criticality) == ("PD", "supercritical")
     doubled = mi.switch_branch(special, bounds=(0.26, 0.29)).table
     assert doubled["stable"].iloc[:4].all()
@@ -221,7 +221,7 @@ def test_hopf_normal_form(cubic):
     """The state is z q + its conjugate with |q| = 1, so that its square is 2 |z|^2."""
     system = mi.System(states=("x", "y"), flow=_normal, parameters={"m": -0.3, "l": cubic})
     (start,) = mi.find_equilibria(system, guess={"x": 0.0, "y": 0.0})
-    branch = mi.continue_equilibrium(start, "m", stop=0.3)
+    branch = mi.continue_solution(start, "m", stop=0.3)
     (hopf,) = branch.special_points
     assert hopf.normal_form.coefficient == pytest.approx(2.0 * cubic, abs=1e-8)
     expected = "supercritical" if cubic < 0.0 else "subcritical"
@@ -244,6 +244,6 @@ def test_branch_points_of_equilibria(b, c, equation, criticality):
     """On the center manifold 0.1 x' = a x + b x^2 + c x^3 to leading order."""
     system = mi.System(states=("x", "v"), flow=_well, parameters={"a": -0.5, "b": b, "c": c})
     (start,) = mi.find_equilibria(system, guess={"x": 0.0})
-    (point,) = mi.continue_equilibrium(start, "a", stop=0.3).special_points
+    (point,) = mi.continue_solution(start, "a", stop=0.3).special_points
     assert (point.normal_form.equation, point.criticality) == (equation, criticality)
     assert point.normal_form.coefficient == pytest.approx(10.0 * (b or c), rel=1e-7)

@@ -27,14 +27,14 @@ def fixed_point(a, side):
 @pytest.mark.nightly
 def test_orbits_within_a_step_across_a_fold():
     steps = mi.StepControl(initial_step=0.1, max_step=0.4)
-    whole = mi.continue_orbit(fixed_point(0.5, 1.0), "a", -1.0, steps=steps)
+    whole = mi.continue_solution(fixed_point(0.5, 1.0), "a", -1.0, steps=steps)
     assert [special.label for special in whole.special_points] == ["CF"]
     reached = whole.table["a"].min()
     assert reached > -0.249
     for a in (-0.2499, 0.5 * (reached - 0.25), reached, 0.1):
         for side in (1.0, -1.0):
             assert orbit_on_branch(whole.numeric, fixed_point(a, side).numeric)
-    half = mi.continue_orbit(fixed_point(0.5, 1.0), "a", -1.0, steps=steps, stop_at="CF")
+    half = mi.continue_solution(fixed_point(0.5, 1.0), "a", -1.0, steps=steps, stop_at="CF")
     assert orbit_on_branch(half.numeric, fixed_point(0.1, 1.0).numeric)
     assert not orbit_on_branch(half.numeric, fixed_point(0.1, -1.0).numeric)
 
@@ -48,8 +48,8 @@ def test_equilibria_on_both_sides_of_a_fold():
         return mi.find_equilibria(system.changed(a=a), guess={"x": x})[0]
 
     upper = equilibrium(1.0, 1.0)
-    whole = mi.continue_equilibrium(upper, "a", -1.0)
-    half = mi.continue_equilibrium(upper, "a", -1.0, stop_at="LP")
+    whole = mi.continue_solution(upper, "a", -1.0)
+    half = mi.continue_solution(upper, "a", -1.0, stop_at="LP")
     for a in (1e-3, 0.1, 0.9):
         for x, is_on_half in ((math.sqrt(a), True), (-math.sqrt(a), False)):
             state = equilibrium(a, x).numeric

@@ -70,7 +70,7 @@ def test_curves_are_tangent_to_the_curve_of_grazings(j, label):
     system = OSCILLATOR.changed(A=start.amplitude, w=exact.omega)
     guess = mi.State(x=1.0, v=-E * start.speed, time=start.time)
     orbit = mi.find_orbit(system, guess=guess, periods=1)
-    special = mi.continue_orbit(orbit, "A", 0.99 * exact.amplitude_at(speed)).special_points[0]
+    special = mi.continue_solution(orbit, "A", 0.99 * exact.amplitude_at(speed)).special_points[0]
     assert special.label == label
     assert special.value == pytest.approx(exact.amplitude_at(speed), abs=1e-9)
     curve = mi.continue_curve(special, "w", w - side)

@@ -82,12 +82,12 @@ def crossing_sliding(static, second=0.3):
 @pytest.mark.parametrize(("start", "stop"), [(1.6, 1.1), (1.1, 1.6)])
 def test_a_branch_passes_crossing_sliding(static, start, stop):
     orbit = mi.find_orbit(block(static).changed(A=start), transient=300)
-    branch = mi.continue_orbit(orbit, "A", stop=stop)
+    branch = mi.continue_solution(orbit, "A", stop=stop)
     assert branch.ended == "A reached its bound"
     assert branch.table.admissible.all()
     (point,) = branch.special_points
     assert point.value == pytest.approx(crossing_sliding(static), abs=2e-10)
-    found = point.sliding_type
+    found = point.type
     assert found == "crossing-sliding"
     assert found.modes == ("backward", "forward")
     # Where static friction is higher the block turns with an acceleration, and is not tangent.
@@ -101,7 +101,7 @@ def test_a_branch_passes_crossing_sliding(static, start, stop):
 @pytest.mark.parametrize("start", [1.6, 1.1])
 def test_crossing_sliding_is_a_curve_in_two_parameters(start):
     orbit = mi.find_orbit(block(1.05).changed(A=start), transient=300)
-    branch = mi.continue_orbit(orbit, "A", stop=2.7 - start)
+    branch = mi.continue_solution(orbit, "A", stop=2.7 - start)
     curve = mi.continue_curve(branch.special_points[0], "B", stop=0.5)
     assert curve.ended == "B reached its bound"
     assert curve.table.admissible.all()
@@ -113,7 +113,7 @@ def test_crossing_sliding_is_a_curve_in_two_parameters(start):
 @pytest.mark.nightly
 def test_where_static_friction_lets_a_block_jump_a_branch_ends_and_says_so():
     orbit = mi.find_orbit(block(1.3).changed(A=1.1), transient=300)
-    branch = mi.continue_orbit(orbit, "A", stop=1.6)
+    branch = mi.continue_solution(orbit, "A", stop=1.6)
     assert branch.ended.startswith("ground slips: no orbit was found near this one")
     (point,) = branch.special_points
     last = branch.orbits[-1].system.parameters["A"]
@@ -162,14 +162,14 @@ def test_a_branch_passes_a_border_collision():
     off = expm(np.array([[0.0, -1.0], [2.0, -0.4]]))
     on = np.diag([1.0, math.exp(-0.4)])
     current, _ = np.linalg.solve(np.eye(2) - off @ on, rest + off @ ([1.0, 0.0] - rest))
-    branch = mi.continue_orbit(mi.find_orbit(boost(1.0), transient=300), "ref", stop=1.3)
-    back = mi.continue_orbit(branch.orbits[-1], "ref", stop=1.0)
+    branch = mi.continue_solution(mi.find_orbit(boost(1.0), transient=300), "ref", stop=1.3)
+    back = mi.continue_solution(branch.orbits[-1], "ref", stop=1.0)
     for each, switches in ((branch, 1), (back, 2)):
         assert each.ended == "ref reached its bound"
         assert each.table.admissible.all()
         (point,) = [s for s in each.special_points if s.kind == "reference"]
         assert point.value == pytest.approx(current + 1.0, abs=1e-10)
-        assert point.sliding_type == "border collision"
+        assert point.type == "border collision"
         assert (each.orbits[-1].segments["ends with"] == "reference").sum() == switches
 
 
@@ -185,7 +185,7 @@ def test_a_branch_passes_where_a_slip_ends_at_a_blow(tmp_path):
         drive = mi.Sine(amplitude=volts, omega=omega)
         return mi.find_orbit(device, drive, transient=300, guess=start, **given)
 
-    branch = mi.continue_orbit(orbit(60.0), "amplitude", stop=40.0)
+    branch = mi.continue_solution(orbit(60.0), "amplitude", stop=40.0)
     assert branch.ended == "amplitude reached its bound"
     assert branch.table.admissible.all()
     doubling = branch.special_points[-1]
@@ -238,7 +238,9 @@ def test_branches_of_random_systems_hold_admissible_orbits_only(kind, seed):
     orbit = mi.find_orbit(random_system(kind, rng), transient=300)
     value = orbit.system.parameters["A"]
     steps = mi.StepControl(max_points=200)
-    branch = mi.continue_orbit(orbit, "A", stop=value * float(rng.uniform(0.3, 1.8)), steps=steps)
+    branch = mi.continue_solution(
+        orbit, "A", stop=value * float(rng.uniform(0.3, 1.8)), steps=steps
+    )
     assert branch.table.admissible.all()
     assert all(point.orbit.admissible for point in branch.special_points)
 
@@ -265,7 +267,7 @@ def test_an_impact_of_low_speed_passes_the_start_of_a_period():
         parameters={"A": 0.6, "phase": 0.8 * 0.2715},
         guards=[mi.Impact("stop", gap, rebound)],
     )
-    branch = mi.continue_orbit(mi.find_orbit(oscillator, transient=100), "A", stop=0.36)
+    branch = mi.continue_solution(mi.find_orbit(oscillator, transient=100), "A", stop=0.36)
     impacts = [orbit.impacts["t"].iloc[0] for orbit in branch.orbits if len(orbit.impacts)]
     assert max(impacts) > 7.0 > 1.0 > min(impacts)
     doubling, grazing = branch.special_points

@@ -113,7 +113,7 @@ def changes_of_a_chain(size):
 )
 def test_hopf_points_of_many_states_far_from_order_one(size, unit):
     rest = mi.find_equilibria(chain(size, unit))[0]
-    branch = mi.continue_equilibrium(rest, "q", 1.0)
+    branch = mi.continue_solution(rest, "q", 1.0)
     assert {point.label for point in branch.special_points} == {"H"}
     values = [point.value for point in branch.special_points]
     assert values == pytest.approx(changes_of_a_chain(size), abs=1e-8)
@@ -127,7 +127,7 @@ def test_what_is_not_found_is_reported():
         parameters={"a": -0.33},
     )
     rest = mi.find_equilibria(system, guess={"x": 0.0})[0]
-    branch = mi.continue_equilibrium(rest, "a", 1.0)
+    branch = mi.continue_solution(rest, "a", 1.0)
     (told,) = branch.special_points
     assert (told.label, told.kind) == ("?", "unexplained")
     assert abs(told.value) < 2e-3
@@ -158,7 +158,7 @@ def test_multipliers_of_a_map():
         parameters={"q": 0.1},
     )
     rest = mi.find_orbit(system, periods=1, guess={"x": 0.0}, options=QUICK)
-    branch = mi.continue_orbit(rest, "q", 0.9)
+    branch = mi.continue_solution(rest, "q", 0.9)
     found = [(point.label, point.value) for point in branch.special_points]
     assert [label for label, _ in found] == ["NS", "NS", "PD"]
     assert [value for _, value in found] == pytest.approx([0.4, 0.3005 / 0.75, 0.6], abs=1e-11)

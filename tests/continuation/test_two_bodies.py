@@ -66,7 +66,7 @@ def test_a_curve_of_neimark_sacker_points_up_to_its_1_2_resonance():
         initial={"v1": 1.0},
     )
     orbit = mi.find_orbit(system, transient=200)
-    branch = mi.continue_orbit(orbit, "w", 2.35)
+    branch = mi.continue_solution(orbit, "w", 2.35)
     (special,) = branch.special_points
     assert special.label == "NS"
     curve = mi.continue_curve(special, "k", 2.0)

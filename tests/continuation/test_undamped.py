@@ -24,7 +24,7 @@ def test_both_sides_of_a_mathieu_tongue_are_period_doublings():
         states=("x", "v"), flow=parametric, parameters={"d": 0.15, "c": 0.0}, period=2.0 * math.pi
     )
     rest = mi.find_orbit(system, guess={"x": 0.0}, periods=1)
-    branch = mi.continue_orbit(rest, "d", stop=1.2)
+    branch = mi.continue_solution(rest, "d", stop=1.2)
     assert [special.label for special in branch.special_points] == ["PD", "PD", "BP", "BP"]
     characteristic = (
         mathieu_b(1, 2 * Q),
@@ -43,7 +43,7 @@ def test_both_sides_of_a_mathieu_tongue_are_period_doublings():
 def test_a_double_eigenvalue_has_no_criticality(damping, criticality):
     system = mi.System(states=("x", "v"), flow=bead, parameters={"w": 0.5, "c": damping})
     (rest,) = mi.find_equilibria(system)
-    (pitchfork,) = mi.continue_equilibrium(rest, "w", stop=2.0).special_points
+    (pitchfork,) = mi.continue_solution(rest, "w", stop=2.0).special_points
     assert (pitchfork.label, pitchfork.criticality) == ("BP", criticality)
     assert pitchfork.value == pytest.approx(1.0, abs=1e-9)
 
@@ -59,6 +59,6 @@ def test_the_fixed_point_of_the_standard_map_doubles_where_two_multipliers_meet(
         period=1.0, switches=lambda p: (0.3,), switch_transition=kicked,
     )  # fmt: skip
     orbit = mi.find_orbit(rotor, periods=1)
-    (doubling,) = mi.continue_orbit(orbit, "K", stop=4.5).special_points
+    (doubling,) = mi.continue_solution(orbit, "K", stop=4.5).special_points
     assert doubling.kind == "period-doubling"
     assert doubling.value == pytest.approx(4.0, rel=1e-12)

@@ -43,7 +43,7 @@ def branch(fixed_point):
         ),
         "r": ("r", 2.25),
     }
-    return mi.continue_orbit(fixed_point, "r", 3.2, steps=LONG, events=events)
+    return mi.continue_solution(fixed_point, "r", 3.2, steps=LONG, events=events)
 
 
 @pytest.mark.slow
@@ -113,30 +113,30 @@ def fails(orbit):
 )
 def test_what_is_no_event_is_refused(fixed_point, events, error, message):
     with pytest.raises(error, match=message):
-        mi.continue_orbit(fixed_point, "r", 2.1, events=events)
+        mi.continue_solution(fixed_point, "r", 2.1, events=events)
 
 
 def test_a_branch_stops_at_the_first_of_some_points(fixed_point):
     events = {"low": ("x", 0.55), "high": ("x", 0.6)}
-    branch = mi.continue_orbit(fixed_point, "r", 3.2, steps=LONG, events=events, stop_at="high")
+    branch = mi.continue_solution(fixed_point, "r", 3.2, steps=LONG, events=events, stop_at="high")
     assert branch.ended == "the branch stops at high"
     assert [special.label for special in branch.special_points] == ["low", "high"]
     assert branch.table["r"].iloc[-1] == pytest.approx(2.5, abs=1e-10)
     assert branch.orbits[-1] is branch.special_points[-1].orbit
     labels = ("NS", "period-doubling")
-    doubled = mi.continue_orbit(fixed_point, "r", 3.2, steps=LONG, stop_at=labels)
+    doubled = mi.continue_solution(fixed_point, "r", 3.2, steps=LONG, stop_at=labels)
     assert doubled.ended == "the branch stops at period-doubling"
     assert doubled.table["r"].iloc[-1] == pytest.approx(3.0, abs=1e-10)
     allowed = "'high': must be one of .*PD.*, low, .*period-doubling"
     with pytest.raises(mi.InvalidParameter, match=allowed):
-        mi.continue_orbit(fixed_point, "r", 3.2, events={"low": ("x", 0.55)}, stop_at=["high"])
+        mi.continue_solution(fixed_point, "r", 3.2, events={"low": ("x", 0.55)}, stop_at=["high"])
     with pytest.raises(mi.InvalidParameter, match="stop_at = 1: must be labels of special points"):
-        mi.continue_orbit(fixed_point, "r", 3.2, stop_at=1)
+        mi.continue_solution(fixed_point, "r", 3.2, stop_at=1)
 
 
 def test_events_of_a_branch_of_twice_the_period(fixed_point):
     """Its larger x is 0.7 where 0.84 r^2 - 1.2 r - 4 = 0."""
-    branch = mi.continue_orbit(fixed_point, "r", 3.1, steps=LONG, stop_at="PD")
+    branch = mi.continue_solution(fixed_point, "r", 3.1, steps=LONG, stop_at="PD")
     events = {"x = 0.7": ("x", 0.7)}
     twice = mi.switch_branch(
         branch.special_points[0],
@@ -154,7 +154,7 @@ def test_events_of_a_branch_of_twice_the_period(fixed_point):
 
 
 def test_a_function_that_raises_later_ends_the_branch(fixed_point):
-    branch = mi.continue_orbit(fixed_point, "r", 3.2, steps=LONG, events={"late": fails})
+    branch = mi.continue_solution(fixed_point, "r", 3.2, steps=LONG, events={"late": fails})
     assert "event 'late' raises KeyError: 'v before'" in branch.ended
     assert branch.table["x"].iloc[-1] == pytest.approx(0.55, abs=1e-6)
 
@@ -182,11 +182,11 @@ def test_impact_speed_of_a_ball_on_a_table():
     )  # fmt: skip
     orbit = mi.find_orbit(ball, periods=1, options=PLAIN)
     events = {"strong": ("impact speed", 1.8), "least": lambda o: o.impacts["v after"].min() - 1.3}
-    branch = mi.continue_orbit(orbit, "w", 2.5, events=events)
+    branch = mi.continue_solution(orbit, "w", 2.5, events=events)
     found = {special.label: special.value for special in branch.special_points}
     assert found["strong"] == pytest.approx(2.0 * math.pi / (1.5 * 1.8), abs=1e-9)
     assert found["least"] == pytest.approx(math.pi / 1.3, abs=1e-9)
-    weak = mi.continue_orbit(orbit, "w", 2.5, steps=LONG, events=events, stop_at="least")
+    weak = mi.continue_solution(orbit, "w", 2.5, steps=LONG, events=events, stop_at="least")
     assert weak.table["w"].iloc[-1] == pytest.approx(math.pi / 1.3, abs=1e-9)
 
 
@@ -199,18 +199,18 @@ def test_events_of_equilibria():
         mi.System(states=("x", "v"), flow=well, parameters={"a": 1.0}), guess={"x": 0.9}
     )
     events = {"near": ("x", 0.5), "square": lambda rest: rest.state.x**2 - 0.64}
-    branch = mi.continue_equilibrium(found, "a", 0.1, events=events)
+    branch = mi.continue_solution(found, "a", 0.1, events=events)
     assert [special.label for special in branch.special_points] == ["square", "near"]
     assert branch.special_points[0].value == pytest.approx(0.64, abs=1e-10)
     assert branch.special_points[1].value == pytest.approx(0.25, abs=1e-10)
     with pytest.raises(mi.InvalidParameter, match="'Hopf': is another kind"):
-        mi.continue_equilibrium(found, "a", 0.1, events={"Hopf": ("x", 0.5)})
-    stopped = mi.continue_equilibrium(found, "a", 0.1, events=events, stop_at="square")
+        mi.continue_solution(found, "a", 0.1, events={"Hopf": ("x", 0.5)})
+    stopped = mi.continue_solution(found, "a", 0.1, events=events, stop_at="square")
     assert stopped.table["a"].iloc[-1] == pytest.approx(0.64, abs=1e-10)
-    through = mi.continue_equilibrium(found, "a", -0.5, stop_at="BP")
+    through = mi.continue_solution(found, "a", -0.5, stop_at="BP")
     assert through.ended == "the branch stops at branch point"
     (rest,) = mi.find_equilibria(found.system.changed(a=-1.0), guess={"x": 0.0})
-    (fork,) = mi.continue_equilibrium(rest, "a", 1.0).special_points
+    (fork,) = mi.continue_solution(rest, "a", 1.0).special_points
     halves = mi.switch_branch(
         fork, events={"edge": ("x", 0.5), "other": ("x", -0.5)}, stop_at=["edge", "other"]
     )

@@ -55,7 +55,7 @@ def test_gaits_double_their_period():
     strikes = gait.events[gait.events["event"] == "heel strike"]
     # The paper's long-period gait at this slope.
     assert strikes["th"].abs().iloc[0] == pytest.approx(0.200310900544287, abs=1e-10)
-    branch = mi.continue_orbit(gait, "slope", 0.016)
+    branch = mi.continue_solution(gait, "slope", 0.016)
     (doubling,) = branch.special_points
     assert doubling.label == "PD"
     assert doubling.value == pytest.approx(0.015088438, abs=1e-9)

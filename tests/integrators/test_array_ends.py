@@ -58,7 +58,7 @@ for args, start, x, stop, y in (
     ((actuator, drive), kicked, "amplitude", 0.2, "omega"),
 ):
     run = mi.simulate(*args, periods=200, initial=start, options=options)
-    assert mi.continue_orbit(mi.find_orbit(run), x, stop).ended == f"{x} reached its bound"
+    assert mi.continue_solution(mi.find_orbit(run), x, stop).ended == f"{x} reached its bound"
     mi.lyapunov(*args, periods=20, initial=start, options=options)
     mi.operating_map(*args, x=(x, [0.2, 0.5]), y=(y, [0.2, 0.5]), options=options, workers=1)
 print("done")

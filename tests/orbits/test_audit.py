@@ -40,7 +40,7 @@ def test_monodromy_of_orbits_without_impacts_agrees_with_simulation():
 def towards_grazing():
     """The orbits with an impact at omega = 0.5, from f = 0.24 through the fold to the grazing."""
     branch = follow(actuator_orbit(0.24, 0.5), "amplitude", low=0.17, high=0.25, direction=-1)
-    return [p.orbit for p in branch.points if p.orbit.impacts and p.orbit.admissible]
+    return [p.solution for p in branch.points if p.solution.impacts and p.solution.admissible]
 
 
 def speed(orbit):
@@ -62,8 +62,8 @@ def test_multipliers_agree_with_simulation_down_to_slow_impacts(towards_grazing)
 def test_trace_grows_as_one_over_the_impact_speed():
     """The factor of the grazing normal form: (1 + e_eff) a M_12, M and a without impact."""
     branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.19, high=0.23)
-    grazing = next(s for s in branch.special_points if s.kind == "grazing").orbit
-    slow = [p.orbit for p in branch.points if p.orbit.impacts and speed(p.orbit) < 5e-3]
+    grazing = next(s for s in branch.special_points if s.kind == "grazing").solution
+    slow = [p.solution for p in branch.points if p.solution.impacts and speed(p.solution) < 5e-3]
     speeds = np.array([speed(orbit) for orbit in slow])
     products = speeds * [np.trace(orbit.reduced_monodromy()) for orbit in slow]
     assert 0.0 < speeds.min() < 2e-4
@@ -125,7 +125,7 @@ def test_audit_refuses_an_orbit_that_no_run_follows():
         high=0.5,
         reconnecting=False,
     )
-    penetrating = branch.points[-1].orbit
+    penetrating = branch.points[-1].solution
     assert not penetrating.admissible
     with pytest.raises(OrbitError, match="not admissible"):
         audit(penetrating)

@@ -75,7 +75,7 @@ def test_multipliers_of_a_rotating_frame_are_right_to_1e_8_over_30_orders():
         parameters={"w": 2.0 * math.pi},
     )
     first = mi.find_orbit(system, guess={"x": 0.0, "y": 0.0, "z": 0.0}, periods=1)
-    orbit = mi.continue_orbit(first, "w", stop=2.0 * math.pi / 7.0).orbits[-1]
+    orbit = mi.continue_solution(first, "w", stop=2.0 * math.pi / 7.0).orbits[-1]
     exact = np.exp([35.0, -7.0, -35.0])
     np.testing.assert_allclose(orbit.multipliers, exact, rtol=1e-8)
 
@@ -95,7 +95,7 @@ def test_multipliers_of_pairs_are_right_over_45_orders():
     )
     start = dict.fromkeys("abcd", 0.0)
     first = mi.find_orbit(system, guess=start, periods=1)
-    orbit = mi.continue_orbit(first, "T", stop=13.0).orbits[-1]
+    orbit = mi.continue_solution(first, "T", stop=13.0).orbits[-1]
     for rate in (4.0 + 1.0j, -4.0 + 2.0j):
         exact = cmath.exp(13.0 * rate)
         for value in (exact, exact.conjugate()):
@@ -111,7 +111,7 @@ def test_cycles_begin_at_a_hopf_point_with_a_strongly_unstable_direction():
 
     system = mi.System(states=("x", "y", "z"), flow=flow, parameters={"m": -0.2}, time_scale=1.0)
     (rest,) = mi.find_equilibria(system, guess={"x": 0.0, "y": 0.0, "z": 0.0})
-    (hopf,) = mi.continue_equilibrium(rest, "m", stop=0.5).special_points
+    (hopf,) = mi.continue_solution(rest, "m", stop=0.5).special_points
     branch = mi.switch_branch(hopf, bounds=(-0.1, 0.4))
     cycle = branch.orbits[-1]
     assert cycle.system.parameters["m"] == pytest.approx(0.4)
@@ -149,7 +149,7 @@ def test_cycles_of_an_axon_connect_its_hopf_points(begin):
     )
     (rest,) = mi.find_equilibria(system, guess={"v": 0.0, "m": 0.053, "h": 0.596, "n": 0.318})
     steps = mi.StepControl(max_step=2.0, max_points=600)
-    hopf = mi.continue_equilibrium(rest, "I", stop=200.0, steps=steps).special_points
+    hopf = mi.continue_solution(rest, "I", stop=200.0, steps=steps).special_points
     branch = mi.switch_branch(hopf[begin], bounds=(0.0, 200.0), steps=steps)
     last = branch.orbits[-1]
     assert last.system.parameters["I"] == pytest.approx(hopf[1 - begin].value, rel=1e-5)

@@ -74,7 +74,7 @@ def test_a_function_that_fails_at_other_parameters_is_reported():
     options = mi.Options(method="dop853", engine="interpreted")
     orbit = mi.find_orbit(there, transient=9.0, options=options)
     assert orbit.multipliers == pytest.approx([math.exp(-2.0)], abs=1e-8)
-    branch = mi.continue_orbit(orbit, "a", -1.0, steps=mi.StepControl(max_step=0.3))
+    branch = mi.continue_solution(orbit, "a", -1.0, steps=mi.StepControl(max_step=0.3))
     assert branch.table["a"].iloc[-1] == pytest.approx(0.2, abs=1e-6)
     assert "below the table" in branch.ended
 

@@ -33,4 +33,4 @@ def orbit(run):
 @pytest.fixture(scope="session")
 def branch(orbit):
     """From A = 0.6 down through a period doubling and a grazing."""
-    return mi.continue_orbit(orbit, "A", 0.34)
+    return mi.continue_solution(orbit, "A", 0.34)

@@ -136,7 +136,7 @@ def test_dashes_have_no_rim_over_dots():
 
 
 def test_a_branch_without_special_points(orbit):
-    ax = mi.plot_branch(mi.continue_orbit(orbit, "A", 0.62))
+    ax = mi.plot_branch(mi.continue_solution(orbit, "A", 0.62))
     assert len(ax.texts) == 0
     assert lines(ax, "stable orbit")
 

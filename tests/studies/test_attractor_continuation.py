@@ -112,12 +112,12 @@ def test_what_is_wrong_is_named(both, given, named):
 def test_ends_are_those_of_continuation(over, both):
     # The walk ends at a fold or a grazing of its orbit, rest at the first impact.
     orbit = mi.find_orbit(both.system, guess=both.state("period 1"))
-    down = mi.continue_orbit(orbit, "amplitude", stop=0.15)
+    down = mi.continue_solution(orbit, "amplitude", stop=0.15)
     stable = down.table[down.table["stable"] & down.table["admissible"]]
     branches = over.branches.set_index("attractor")
     step = VALUES[1] - VALUES[0]
     assert 0.0 < branches.loc["period 1", "amplitude min"] - stable["amplitude"].min() < step
     quiet = mi.find_orbit(both.system, guess=both.state("off"))
-    up = mi.continue_orbit(quiet, "amplitude", stop=0.25)
+    up = mi.continue_solution(quiet, "amplitude", stop=0.25)
     stable = up.table[up.table["stable"] & up.table["admissible"]]
     assert 0.0 < stable["amplitude"].max() - branches.loc["off", "amplitude max"] < step

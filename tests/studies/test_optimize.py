@@ -112,7 +112,7 @@ def test_a_drive_beats_the_papers_operating_point(orbit):
     margins = best.margins.set_index(["parameter", "direction"])
     fold = margins.loc[("omega", "up")]
     assert fold["what"] == "fold"
-    branch = mi.continue_orbit(best.orbit, "omega", 0.6)
+    branch = mi.continue_solution(best.orbit, "omega", 0.6)
     assert fold["at"] == pytest.approx(branch.special_points[0].value, rel=1e-8)
     assert margins.loc[("omega", "down"), "what"] == "period-doubling"
 

@@ -171,7 +171,7 @@ def test_own_quantity(orbit):
 
 @pytest.mark.nightly
 def test_at_a_fold_there_is_none(orbit):
-    branch = mi.continue_orbit(orbit, "amplitude", 0.17)
+    branch = mi.continue_solution(orbit, "amplitude", 0.17)
     fold = next(point for point in branch.special_points if point.label == "CF")
     with pytest.raises(mi.OrbitError, match="fold"):
         mi.sensitivity(fold.orbit, ["k"])

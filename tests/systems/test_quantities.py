@@ -95,13 +95,13 @@ def test_sweeps_and_branches():
     ]
     assert tables[0].equals(tables[1])
     orbit = mi.find_orbit(SI)
-    branch = mi.continue_orbit(orbit, "amplitude", "21 V", back="19 V")
+    branch = mi.continue_solution(orbit, "amplitude", "21 V", back="19 V")
     assert branch.bounds == (19.0, 21.0)
     assert branch.table["amplitude"].iloc[-1] == pytest.approx(21.0)
-    again = mi.continue_orbit(orbit, "frequency", "0.11 kHz")
+    again = mi.continue_solution(orbit, "frequency", "0.11 kHz")
     assert again.table["frequency"].iloc[-1] == pytest.approx(110.0)
     (rest,) = mi.find_equilibria(OSCILLATOR, box={"x": ("-1 mm", "1 mm")})
-    assert mi.continue_equilibrium(rest, "k", "2 N/m").bounds == (1.0, 2.0)
+    assert mi.continue_solution(rest, "k", "2 N/m").bounds == (1.0, 2.0)
 
 
 def test_design_functions():

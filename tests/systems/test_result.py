@@ -36,7 +36,7 @@ def results():
     """One of each kind, of a system of the user's own functions."""
     run = mi.simulate(oscillator(), 40)
     orbit = mi.find_orbit(run)
-    branch = mi.continue_orbit(orbit, "A", 0.36)
+    branch = mi.continue_solution(orbit, "A", 0.36)
     doubling, grazing = branch.special_points
     curve = mi.continue_curve(doubling, "omega", 0.81)
     return {
@@ -117,7 +117,7 @@ def test_a_pickle_holds_system_and_functions_once():
     branch = results()["branch"]
     here = len(pickle.dumps(branch))
     half = len(pickle.dumps(branch.numeric.points[: len(branch) // 2]))
-    arrays = len(pickle.dumps([point.orbit.point for point in branch.numeric.points]))
+    arrays = len(pickle.dumps([orbit.point for orbit in branch.numeric.solutions]))
     assert here < 1.6 * arrays
     assert half < 0.7 * here
     # The lambda that is the period goes with its code, once.
@@ -242,10 +242,10 @@ def test_a_branch_is_drawn_without_the_system(saved):
         ("run", lambda run: mi.sweep(run.system, "A", [0.5])),
         ("run", lambda run: run.system.changed(A=0.3)),
         ("orbit", lambda orbit: orbit.samples()),
-        ("orbit", lambda orbit: mi.continue_orbit(orbit, "A", 0.7)),
+        ("orbit", lambda orbit: mi.continue_solution(orbit, "A", 0.7)),
         ("doubling", lambda special: mi.switch_branch(special)),
         ("doubling", lambda special: mi.continue_curve(special, "omega", 0.7)),
-        ("grazing", lambda special: special.grazing_type),
+        ("grazing", lambda special: special.type),
         ("branch", lambda branch: branch.orbits[0].impacts),
     ],
     indirect=["saved"],
@@ -266,7 +266,7 @@ def test_with_the_system_a_result_continues_bit_for_bit(tmp_path):
     pd.testing.assert_frame_equal(run.samples(20), results()["run"].samples(20), check_exact=True)
     pd.testing.assert_series_equal(run.statistics, results()["run"].statistics, check_exact=True)
     assert run.verify() == results()["verification"]
-    assert mi.continue_orbit(found["orbit"], "A", 0.36) == results()["branch"]
+    assert mi.continue_solution(found["orbit"], "A", 0.36) == results()["branch"]
     assert mi.continue_curve(found["doubling"], "omega", 0.81) == results()["curve"]
 
 

@@ -148,7 +148,7 @@ def test_orbit_branch_curve():
     orbit = mi.find_orbit(mi.simulate(system, 300), periods=2)
     assert (orbit.stable, len(orbit.impacts)) == (True, 2)
     orbit = mi.find_orbit(oscillator(A=0.6), transient=300)
-    branch = mi.continue_orbit(orbit, "A", stop=0.3)
+    branch = mi.continue_solution(orbit, "A", stop=0.3)
     assert [s.label for s in branch.special_points] == ["PD", "G"]
     grazing = math.sqrt((1.0 - 0.8**2) ** 2 + (2.0 * 0.05 * 0.8) ** 2)
     assert branch.special_points[1].value == pytest.approx(grazing, abs=1e-10)
@@ -161,7 +161,7 @@ def test_orbit_branch_curve():
     curve = mi.continue_curve(branch.special_points[1], "zeta", stop=0.1)
     exact = np.sqrt((1.0 - 0.8**2) ** 2 + (2.0 * curve.table["zeta"] * 0.8) ** 2)
     assert np.abs(curve.table["A"] - exact).max() < 1e-9
-    assert branch.special_points[1].grazing_type in mi.GrazingType
+    assert branch.special_points[1].type in mi.GrazingType
 
 
 def test_a_sweep_looks_where_periods_begin():
@@ -278,7 +278,7 @@ def test_an_observable_that_fails_once_loses_nothing():
 def test_verbs_take_orbits():
     orbit = mi.find_orbit(oscillator(), transient=300)
     assert mi.simulate(orbit, 1).final.x == pytest.approx(orbit.state.x, abs=1e-7)
-    branch = mi.continue_orbit(orbit, "A", stop=0.59)
+    branch = mi.continue_solution(orbit, "A", stop=0.59)
     with pytest.raises(mi.InvalidParameter, match="a Run or an Orbit"):
         mi.simulate(branch, 1)
 

@@ -184,7 +184,7 @@ def test_orbits_and_branches_of_what_is_small():
     assert other.period == pytest.approx(one.period * T)
     assert np.abs(other.multipliers - one.multipliers).max() < 1e-9
     unit = L / T**2
-    branches = [mi.continue_orbit(one, "A", 0.3), mi.continue_orbit(other, "A", 0.3 * unit)]
+    branches = [mi.continue_solution(one, "A", 0.3), mi.continue_solution(other, "A", 0.3 * unit)]
     values = [[s.value for s in branch.special_points] for branch in branches]
     assert [s.label for s in branches[1].special_points] == ["PD", "G"]
     assert np.array(values[1]) / unit == pytest.approx(values[0], rel=1e-9)

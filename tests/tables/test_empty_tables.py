@@ -52,8 +52,8 @@ def orbit():
 
 @pytest.mark.slow
 def test_special_points_of_a_branch(orbit):
-    grazing = mi.continue_orbit(orbit, "A", 0.25, through_grazing=False)
-    check(mi.continue_orbit(orbit, "A", 0.11).special_table, grazing.special_table)
+    grazing = mi.continue_solution(orbit, "A", 0.25, through_grazing=False)
+    check(mi.continue_solution(orbit, "A", 0.11).special_table, grazing.special_table)
     columns = [name for name in grazing.table if name not in ("A", "piece")]
     names = ["label", "A", "kind", "criticality", "type", *columns]
     assert list(grazing.special_table) == names
@@ -67,9 +67,9 @@ def fork(mode, t, y, p):
 def test_special_points_of_equilibria_and_of_a_curve():
     system = mi.System(states=("x",), flow=fork, parameters={"a": 1.0, "b": -1.0})
     (first,) = mi.find_equilibria(system, guess={"x": -1.2})
-    through = mi.continue_equilibrium(first, "b", 1.0)
+    through = mi.continue_solution(first, "b", 1.0)
     assert len(through.special_points) == 2
-    check(mi.continue_equilibrium(first, "b", -0.9).special_table, through.special_table)
+    check(mi.continue_solution(first, "b", -0.9).special_table, through.special_table)
     steps = mi.StepControl(initial_step=0.02, max_step=0.3)
     fold = through.special_points[0]
     cusp = mi.continue_curve(fold, "a", -1.0, back=1.5, steps=steps)

@@ -44,7 +44,7 @@ def test_a_file_in_netcdf_has_the_stability_of_a_branch(damping, flag, tmp_path)
         states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -p.k * y.x - p.c * y.v),
         parameters={"k": 1.0, "c": damping},
     )  # fmt: skip
-    branch = mi.continue_equilibrium(mi.find_equilibria(system)[0], "k", stop=2.0)
+    branch = mi.continue_solution(mi.find_equilibria(system)[0], "k", stop=2.0)
     for table in (branch.table, branch.special_table):
         mi.to_xarray(table).to_netcdf(tmp_path / "branch.nc", engine="scipy")
         with xarray.open_dataset(tmp_path / "branch.nc", engine="scipy") as dataset:

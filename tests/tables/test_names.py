@@ -21,6 +21,6 @@ def test_a_second_column_of_a_name_is_refused(parameter, quantity):
     )
     plain = mi.Options(engine="interpreted", method="dop853")
     orbit = mi.find_orbit(system, transient=30, periods=1, options=plain)
-    branch = mi.continue_orbit(orbit, parameter, stop=1.1)
+    branch = mi.continue_solution(orbit, parameter, stop=1.1)
     with pytest.raises(mi.InvalidParameter, match="two columns of the table would have this"):
         _ = branch.table, branch.special_table

@@ -50,11 +50,11 @@ def cycles(quick: bool) -> Iterator[Row]:
     )
     orbit = mi.find_orbit(belt)
     steps = mi.StepControl(max_step=0.02, max_points=POINTS)
-    count = len(mi.continue_orbit(orbit, "v", 10.0, steps=steps))
+    count = len(mi.continue_solution(orbit, "v", 10.0, steps=steps))
     jobs = {
         "run": lambda: mi.simulate(belt, duration=PERIODS * orbit.period, initial=orbit.state),
         "cycle": lambda: mi.find_orbit(belt).multipliers,
-        "branch": lambda: mi.continue_orbit(orbit, "v", 10.0, steps=steps),
+        "branch": lambda: mi.continue_solution(orbit, "v", 10.0, steps=steps),
     }
     times = in_turn(jobs, 1 if quick else 15)
     yield Row(TOPIC, f"run of {PERIODS:,} periods", "simulate", Spread.of(times["run"]), "s")

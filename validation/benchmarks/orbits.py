@@ -31,7 +31,7 @@ def orbits(quick: bool) -> Iterator[Row]:
     found = {method: orbit(method) for method in METHODS}
 
     def branch(method: str) -> mi.Branch:
-        return mi.continue_orbit(found[method], "amplitude", 0.3, steps=steps)
+        return mi.continue_solution(found[method], "amplitude", 0.3, steps=steps)
 
     def curves(method: str) -> None:
         charts[method] = mi.operating_chart(actuator, crises=0, options=options[method])

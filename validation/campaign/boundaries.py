@@ -18,11 +18,11 @@ FAST = mi.Options(method="dop853")
 def continued(omega: float) -> tuple[float, float]:
     """Return where the device switches on and off; NaN for a crisis, which is no orbit's end."""
     orbit = mi.find_orbit(DEVICE, mi.Sine(amplitude=0.05, omega=omega))
-    branch = mi.continue_orbit(orbit, "amplitude", 0.36)
+    branch = mi.continue_solution(orbit, "amplitude", 0.36)
     first = branch.special_points[0]
     if first.label == "CF":
         return first.value, math.nan
-    if first.grazing_type == mi.GrazingType.CONTINUOUS:
+    if first.type == mi.GrazingType.CONTINUOUS:
         return first.value, first.value
     return first.value, next(s.value for s in branch.special_points if s.label == "CF")
 

@@ -32,9 +32,9 @@ from mems_impact.actuator.parameters import Actuator, load_actuator
 from mems_impact.actuator.plots import plot_chart
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.system import kicked_state
-from mems_impact.analysis.branch import Branch, continue_orbit, switch_branch
+from mems_impact.analysis.branch import Branch, continue_solution, switch_branch
 from mems_impact.analysis.orbit import Orbit, find_orbit
-from mems_impact.analysis.special_points import SpecialPoint
+from mems_impact.analysis.special_points import GrazingType, SpecialPoint
 from mems_impact.errors import MemsImpactError
 from mems_impact.overloads import simulate
 from mems_impact.plotting.labels import legend_above
@@ -245,7 +245,8 @@ class SwitchingDiagram:
         """Return the type of the grazing in the paper's numbers."""
         grazing = self.special("G")
         try:
-            return grazing.grazing_type.paper if grazing is not None else None
+            kind = None if grazing is None else grazing.type
+            return kind.paper if isinstance(kind, GrazingType) else None
         except MemsImpactError:
             return None
 
@@ -283,7 +284,7 @@ def _switching_diagram(
             orbit = find_orbit(actuator, here, guess=start, periods=1, transient=500)
             if amplitude == high and not len(orbit.impacts):
                 continue
-            branches.append(continue_orbit(orbit, "amplitude", stop=stop))
+            branches.append(continue_solution(orbit, "amplitude", stop=stop))
             break
         except MemsImpactError:
             continue  # without any branch, what needs one is "not computed"
@@ -379,7 +380,7 @@ def figure4(devices: Devices, effort: Effort) -> Outcome:
             values["4.jump"] = bool(jumped.measured.impact_speed_mean > 0.5 * speed)
     if fold is not None:
         notes.append(f"CF: f = {fold.value:.9f}")
-        values["4.eigenvalue"] = float(np.abs(fold.multipliers - 1.0).min())
+        values["4.eigenvalue"] = float(np.abs(fold.orbit.multipliers - 1.0).min())
         summary = found.sweep.statistics
         below = summary["impacting"] & (summary["amplitude"] < fold.value)
         values["4.none-below"] = float((below & (summary["direction"] == "down")).sum())

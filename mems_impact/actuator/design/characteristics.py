@@ -536,7 +536,7 @@ def period_one_window(
 
     See Also
     --------
-    PeriodOneWindow, continue_orbit, operating_chart
+    PeriodOneWindow, continue_solution, operating_chart
 
     Examples
     --------
@@ -582,13 +582,13 @@ def lasts_until(
     The third value is the special point at the end, if there is one. `watch` is called with each
     amplitude; an exception that it raises ends the search.
     """
-    from mems_impact.analysis.branch import continue_orbit
+    from mems_impact.analysis.branch import continue_solution
     from mems_impact.analysis.orbit import find_orbit
 
     value, kind = math.nan, ""
     ends: list[SpecialPoint] = []
     for _ in range(JUMPS):
-        branch = continue_orbit(
+        branch = continue_solution(
             orbit, "amplitude", stop, stop_at=STABILITY_LOSS_LABELS, progress=watch or False
         )
         value, kind = end_of(branch, stop)

@@ -38,20 +38,21 @@ from mems_impact.analysis.attractor import (
     RecurrenceOptions,
     map_attractors,
 )
-from mems_impact.analysis.branch import continue_orbit, curve_of
+from mems_impact.analysis.branch import continue_solution, curve_of
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, find_orbit
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.special_points import CodimensionTwo, GrazingType, SpecialPoint
 from mems_impact.continuation import grazing
 from mems_impact.continuation.arclength import StepControl
-from mems_impact.continuation.codim1_curve import CurvePoint, OrbitCurve, follow_curve
-from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch, points_of
-from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.branch import OrbitBranch, OrbitCurve, OrbitEvent, OrbitPoint
+from mems_impact.continuation.codim1_curve import follow_curve
+from mems_impact.continuation.orbit_branch import points_of
 from mems_impact.continuation.test_functions import ClosestApproachTest
 from mems_impact.errors import Interrupted, InvalidParameter, OrbitError
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit_search import find_periodic_orbit
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.studies.engine.executors import stoppable_threads
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
@@ -407,7 +408,7 @@ def _ending(
     try:
         orbit: Any = find_orbit(system, guess=state)
         if orbit.stable and orbit.admissible:
-            branch = continue_orbit(
+            branch = continue_solution(
                 orbit, "amplitude", high, stop_at=STABILITY_LOSS_LABELS, progress=watch or False
             )
             amplitude, kind = end_of(branch, high)
@@ -497,7 +498,7 @@ class _Place:
     omega: float
     amplitude: float
     kind: str
-    event: BranchEvent | None
+    event: OrbitEvent | None
 
     @property
     def point(self) -> Point:
@@ -532,7 +533,7 @@ class ChartBuilder:
         self.family: Family = system.family(options)
         self.notes: list[str] = []
         # By frequency: the branch of the orbit without impacts, and the iterator of its points.
-        self.met: dict[float, tuple[OrbitBranch, Iterator[BranchPoint]]] = {}
+        self.met: dict[float, tuple[OrbitBranch, Iterator[OrbitPoint]]] = {}
         self.special_points: tuple[CodimensionTwo, ...] = ()
         self.marks: set[float] = set()  # frequencies of these
         self.regions: list[tuple[GrazingType, float, float]] = []
@@ -574,9 +575,10 @@ class ChartBuilder:
         simulated = []
         for region, (left, right) in zip(types, pairwise(edges), strict=True):
             slack = SAME_FREQUENCY_RTOL * right
-            inside = [p for p in curve.points if left - slack <= p.values[1] <= right + slack]
+            reached = [self._point(each) for each in curve.points]
+            inside = [p for p in reached if left - slack <= p[0] <= right + slack]
             ends = [(s.values[1], s.values[0]) for s in marks if s.values[1] in (left, right)]
-            grazings = _joined(dict(_values(inside)), ends)
+            grazings = _joined(dict(sorted(inside)), ends)
             self.report(f"{self._at(left)} to {self._number(right)}: type {region.paper}")
             self.regions.append((region, left, right))
             for piece in self._followed(region, left, right, grazings):
@@ -610,9 +612,9 @@ class ChartBuilder:
     def _special(
         self,
         omega: float,
-        wanted: Callable[[BranchEvent], bool],
+        wanted: Callable[[OrbitEvent], bool],
         watch: Watch | None = None,
-    ) -> list[BranchEvent]:
+    ) -> list[OrbitEvent]:
         """Return the special points of the orbit without impacts at one frequency.
 
         The branch is continued up to the first wanted point.
@@ -628,7 +630,7 @@ class ChartBuilder:
                 watch(point.value)
         return branch.special_points
 
-    def _set_out(self, omega: float) -> tuple[OrbitBranch, Iterator[BranchPoint]]:
+    def _set_out(self, omega: float) -> tuple[OrbitBranch, Iterator[OrbitPoint]]:
         """Return the branch at one frequency, empty, and its points."""
         for amplitude in (self.pull_in * START_AMPLITUDE_RATIO**i for i in range(1, 1 + STARTS)):
             family = self.family.at(**{AMPLITUDE: amplitude, self.name: omega})
@@ -658,7 +660,7 @@ class ChartBuilder:
             if touching:
                 self.report("the grazing curve of the orbit without impacts")
                 curve = self._curve(touching[0], low, high, direction)
-                reached = curve.points[-1].values[1] if curve.points else end
+                reached = self._point(curve.points[-1])[0] if curve.points else end
                 if abs(reached - (low if direction < 0.0 else high)) > 1e-9:
                     self.notes.append(f"the grazing curve: {curve.ended}")
                 return curve
@@ -670,7 +672,7 @@ class ChartBuilder:
     def _first(self, omega: float) -> tuple[float, str]:
         """Return the amplitude of the first slip or impact at one frequency, and its kind."""
 
-        def wanted(special: BranchEvent) -> bool:
+        def wanted(special: OrbitEvent) -> bool:
             return _grazes(special) or _slips(special)
 
         try:
@@ -721,7 +723,7 @@ class ChartBuilder:
             for kind, points in self._joined_by_curves(same_side):
                 self.pieces.append((side, None, kind, points))
 
-    def _slip(self, omega: float) -> BranchEvent | None:
+    def _slip(self, omega: float) -> OrbitEvent | None:
         """Return the onset of slip on the branch at one frequency, if any."""
         if omega not in self.met:
             return None
@@ -768,7 +770,7 @@ class ChartBuilder:
                 curve = self._curve(begin.event, left.omega, right.omega, direction)
             except OrbitError:
                 continue
-            points = [(p.values[1], p.values[0]) for p in curve.points if p.orbit.admissible]
+            points = [self._point(each) for each in curve.points if each.admissible]
             risen = all(direction * (b[0] - a[0]) > 0.0 for a, b in pairwise(points))
             if len(points) < len(curve.points) or not points or not risen:
                 continue
@@ -780,7 +782,7 @@ class ChartBuilder:
                               and slack < right.omega - p[0])  # fmt: skip
         return None
 
-    def _grazing(self, omega: float) -> BranchEvent:
+    def _grazing(self, omega: float) -> OrbitEvent:
         """Return the grazing of the orbit without impacts; OrbitError if there is none."""
         for special in self._special(omega, _grazes):
             if _grazes(special):
@@ -813,7 +815,12 @@ class ChartBuilder:
         """Return a frequency as text, in the system's units."""
         return f"{self.system.label(self.name)} = {self._number(omega)}"
 
-    def _curve(self, special: BranchEvent, low: float, high: float, direction: float) -> OrbitCurve:
+    def _point(self, orbit: PeriodicOrbit) -> Point:
+        """Return (omega, amplitude) of an orbit."""
+        values = orbit.family.values
+        return float(values[self.name]), float(values[AMPLITUDE])
+
+    def _curve(self, special: OrbitEvent, low: float, high: float, direction: float) -> OrbitCurve:
         return follow_curve(
             special, AMPLITUDE, self.name, low=low, high=high, direction=direction, steps=self.steps
         )
@@ -823,7 +830,7 @@ class ChartBuilder:
         middle = 0.5 * (left + right)
         touching = self._grazing(middle)
         try:
-            return GrazingType(grazing.grazing_type(touching.orbit, touching.monitor))
+            return GrazingType(grazing.grazing_type(touching.solution, touching.monitor))
         except OrbitError as error:
             location = f"{self._at(middle)} and {self._voltage(touching.value)}"
             raise OrbitError(f"at {location}: {error.reason}", error.remedy) from error
@@ -856,26 +863,26 @@ class ChartBuilder:
         subject = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
         self.report(subject)
 
-        def wanted(special: BranchEvent) -> bool:
-            return special.kind == "fold" and (not special.orbit.impacts) == without_impact
+        def wanted(special: OrbitEvent) -> bool:
+            return special.kind == "fold" and (not special.solution.impacts) == without_impact
 
         folds = [special for special in self._special(middle, wanted) if wanted(special)]
         if not folds:
             self.notes.append(f"{subject}: none at {self._at(middle)}")
             return ()
         ending = [end for end in ends if end[0] in self.marks]
-        points: list[CurvePoint] = []
+        points: list[Point] = []
         for direction, bound in ((-1.0, left), (1.0, right)):
             # A curve that ends on the grazing curve does so at a known point.
             at_mark = [end for end in ending if end[0] == bound]
             goal = bound + 0.02 * direction * (right - left) * len(at_mark)
             curve = self._curve(folds[0], min(middle, goal), max(middle, goal), direction)
-            admissible = [p for p in curve.points if p.orbit.admissible]
+            admissible = [self._point(each) for each in curve.points if each.admissible]
             points += admissible
-            reached = admissible[-1].values[1] if admissible else middle
+            reached = admissible[-1][0] if admissible else middle
             if not at_mark and abs(reached - bound) > 1e-9:
                 self.notes.append(f"{subject} ends at {self._at(reached)}: {curve.ended}")
-        values = dict(_values(points))
+        values = dict(sorted(points))
         touching = [end for end in ending if self._ends_in_grazing(end, values)]
         return _joined(values, touching)
 
@@ -935,17 +942,12 @@ class ChartBuilder:
                     points.append(result)
 
 
-def _grazes(special: BranchEvent) -> bool:
+def _grazes(special: OrbitEvent) -> bool:
     return special.label == "G" and isinstance(special.monitor, ClosestApproachTest)
 
 
-def _slips(special: BranchEvent) -> bool:
+def _slips(special: OrbitEvent) -> bool:
     return special.kind == SLIPS
-
-
-def _values(points: list[CurvePoint]) -> tuple[Point, ...]:
-    """Return (omega, amplitude) in ascending omega."""
-    return tuple(sorted({p.values[1]: p.values[0] for p in points}.items()))
 
 
 def _joined(

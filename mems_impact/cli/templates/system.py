@@ -39,6 +39,6 @@ if __name__ == "__main__":
     print(run.statistics)
     mi.plot_run(run).figure.savefig("run.png")
     # Next: continue the periodic orbit towards smaller A.
-    # branch = mi.continue_orbit(mi.find_orbit(run), "A", stop=0.3)
+    # branch = mi.continue_solution(mi.find_orbit(run), "A", stop=0.3)
     # print(branch.special_table)
     # mi.plot_branch(branch).figure.savefig("branch.png")

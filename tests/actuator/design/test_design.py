@@ -283,7 +283,7 @@ def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
     window = mi.period_one_window(LIGHT, drive, (50.0, 120.0))
     assert (window.low_kind, window.high_kind) == ("period-doubling", "bound")
     orbit = mi.find_orbit(LIGHT, drive, guess=mi.kicked_state(LIGHT), transient=300)
-    branch = mi.continue_orbit(orbit, "amplitude", stop=50.0)
+    branch = mi.continue_solution(orbit, "amplitude", stop=50.0)
     assert branch.ended.startswith("slip end: no orbit was found near this one")
     last = branch.orbits[-1].system.value("amplitude")
     assert last > 1.2 * window.low

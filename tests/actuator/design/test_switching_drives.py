@@ -13,7 +13,7 @@ CORNER = 0.205259185
 def branch():
     drive = mi.Square(amplitude=0.22, omega=0.5, duty=0.3)
     orbit = mi.find_orbit(ZHAO, drive.replace(amplitude=0.3), transient=300)
-    return mi.continue_orbit(orbit, "amplitude", stop=0.19)
+    return mi.continue_solution(orbit, "amplitude", stop=0.19)
 
 
 @pytest.mark.nightly

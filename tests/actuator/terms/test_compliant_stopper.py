@@ -288,7 +288,7 @@ def test_an_orbit_over_the_stiffness():
     assert len(other.impacts) == 1
     assert np.abs(other.multipliers) == pytest.approx(by_runs(hertz, drive, other), abs=1e-5)
     wide = StepControl(initial_step=5e3, max_step=1e4, min_step=1.0)  # of a parameter of that size
-    branch = mi.continue_orbit(orbit, "compliant_stopper.stiffness", stop=1.2e5, steps=wide)
+    branch = mi.continue_solution(orbit, "compliant_stopper.stiffness", stop=1.2e5, steps=wide)
     assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)
     values = {"transient": 100, "periods": 2, "options": options, "direction": "up"}
     sweep = mi.sweep(soft, drive, "compliant_stopper.stiffness", [1e5, 1.2e5], **values)

@@ -114,7 +114,7 @@ def test_branch_over_the_share_ends_where_the_paper_is():
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     device = ZHAO.adding(mi.DielectricCharging(share=0.1, time=3.0))
     orbit = mi.find_orbit(mi.simulate(device, drive, periods=150))
-    branch = mi.continue_orbit(orbit, "dielectric_charging.share", stop=0.0)
+    branch = mi.continue_solution(orbit, "dielectric_charging.share", stop=0.0)
     paper = mi.find_orbit(mi.simulate(ZHAO, drive, periods=300))
     assert branch.orbits[-1].step == pytest.approx(2.0 * paper.step, rel=1e-6)
     table = mi.sweep(

@@ -436,6 +436,6 @@ def test_compiled_and_continued():
     assert orbit.step == pytest.approx(other.step, rel=1e-8)
     found, expected = (np.sort(np.abs(each.multipliers)) for each in (orbit, other))
     np.testing.assert_allclose(found, expected, atol=2e-6)
-    branch = mi.continue_orbit(orbit, "amplitude", stop=0.25)
-    same = mi.continue_orbit(other, "amplitude", stop=0.25)
+    branch = mi.continue_solution(orbit, "amplitude", stop=0.25)
+    same = mi.continue_solution(other, "amplitude", stop=0.25)
     assert branch.orbits[-1].step == pytest.approx(same.orbits[-1].step, rel=1e-8)

@@ -153,7 +153,7 @@ def test_an_orbit_over_the_speed():
     orbit = mi.find_orbit(mi.simulate(device, DRIVE, periods=300, options=options))
     other = ZHAO.adding(mi.StribeckFriction(speed=0.05))
     same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, options=options))
-    branch = mi.continue_orbit(orbit, "stribeck_friction.speed", stop=0.05)
+    branch = mi.continue_solution(orbit, "stribeck_friction.speed", stop=0.05)
     assert orbit.step > same.step > 0.0
     assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-8)
     precise = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)

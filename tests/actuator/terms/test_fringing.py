@@ -116,7 +116,7 @@ def test_branch_and_sweep_over_the_width():
     def orbit(device):
         return mi.find_orbit(mi.simulate(device, drive, periods=300))
 
-    branch = mi.continue_orbit(orbit(device), "fringing.width", stop=6.5)
+    branch = mi.continue_solution(orbit(device), "fringing.width", stop=6.5)
     other = orbit(ZHAO.adding(mi.Fringing(width=6.5)))
     assert branch.orbits[-1].step == pytest.approx(other.step, rel=1e-8)
     # What the edges add goes with 1/width: 1.6e-5 of the step at 1e4.

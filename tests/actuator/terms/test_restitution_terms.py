@@ -126,7 +126,7 @@ def test_multipliers_see_the_slope(term):
     expected = np.sort(np.abs(np.linalg.eigvals(np.array(columns).T)))
     assert np.sort(np.abs(orbit.multipliers)) == pytest.approx(expected, abs=1e-6)
     if term is POWER:
-        branch = mi.continue_orbit(orbit, name, stop=0.4)
+        branch = mi.continue_solution(orbit, name, stop=0.4)
         other = ZHAO.adding(mi.PowerLawRestitution(speed=0.4, exponent=0.25))
         same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, initial=mi.kicked_state(ZHAO)))
         assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)

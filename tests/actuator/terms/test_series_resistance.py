@@ -388,7 +388,7 @@ def test_sweeps_and_branches_over_the_resistance():
     run = mi.simulate(device, drive, periods=150)
     orbit = mi.find_orbit(run)
     assert len(orbit.impacts) == 2 * orbit.periods
-    branch = mi.continue_orbit(orbit, "series_resistance.resistance", stop=0.05)
+    branch = mi.continue_solution(orbit, "series_resistance.resistance", stop=0.05)
     point = branch.table.iloc[-1]
     other = ZHAO.adding(mi.SeriesResistance(resistance=float(point.iloc[0])))
     again = mi.find_orbit(mi.simulate(other, drive, periods=150))

@@ -160,7 +160,7 @@ def test_is_a_parameter_of_orbits():
     assert numbers.parameters.tolist() == changed.numbers().parameters.tolist()
     assert changed.automaton is system.automaton
     orbit = mi.find_orbit(system, options=INTERPRETED, transient=40, periods=1)
-    branch = mi.continue_orbit(orbit, "slew_rate.rate", stop=0.28)
+    branch = mi.continue_solution(orbit, "slew_rate.rate", stop=0.28)
     last = branch.orbits[-1]
     there = mi.find_orbit(last.system, options=INTERPRETED, guess=last.state, periods=1)
     assert last.system.value("slew_rate.rate") < 0.3
@@ -174,7 +174,7 @@ def test_a_branch_ends_where_the_source_begins_to_limit():
         mi.Sine(amplitude=0.1, omega=0.8)
     )  # fmt: skip
     orbit = mi.find_orbit(system, options=INTERPRETED, transient=30, periods=1)
-    branch = mi.continue_orbit(orbit, "amplitude", stop=0.15)
+    branch = mi.continue_solution(orbit, "amplitude", stop=0.15)
     assert "the forcing has 2 switching times there instead of 0" in branch.ended
     assert branch.orbits[-1].system.value("amplitude") == pytest.approx(0.125, rel=0.02)
     with pytest.raises(mi.InvalidParameter, match="no chart with slew_rate: its switching times"):

@@ -293,5 +293,5 @@ def test_an_orbit_over_the_pressure():
     ) / (2.0 * h)
     sizes = np.sort(np.abs(np.linalg.eigvals(monodromy)))[::-1]
     assert np.sort(np.abs(orbit.multipliers))[::-1][:2] == pytest.approx(sizes[:2], abs=1e-6)
-    branch = mi.continue_orbit(orbit, "squeeze_film.pressure", stop=0.4)
+    branch = mi.continue_solution(orbit, "squeeze_film.pressure", stop=0.4)
     assert branch.table["squeeze_film.pressure"].iloc[-1] == pytest.approx(0.4)

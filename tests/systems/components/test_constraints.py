@@ -182,7 +182,7 @@ def test_an_equilibrium_leaves_its_surface_where_one_flow_reverses():
         parts=[mi.SwitchingSurface("line", {"x": 0.5, "y": 1.0}, level=0.2)],
     )  # fmt: skip
     (found,) = mi.find_equilibria(system, modes=["sliding"])
-    branch = mi.continue_equilibrium(found, "q", stop=1.5)
+    branch = mi.continue_solution(found, "q", stop=1.5)
     (point,) = branch.special_points
     assert (point.label, point.value) == ("BE", pytest.approx(1.38125, rel=1e-10))
     assert point.guard == "line leaves up"

@@ -79,7 +79,7 @@ def test_a_parameter_that_moves_a_quantity_beyond_its_limit_is_refused():
     for refused in (
         lambda: damped.changed(r=1.1),
         lambda: mi.sweep(damped, "r", [0.8, 1.1], transient=1, periods=1, options=PLAIN),
-        lambda: mi.continue_orbit(orbit, "r", stop=1.1),
+        lambda: mi.continue_solution(orbit, "r", stop=1.1),
     ):
         with pytest.raises(mi.InvalidParameter, match=r"r = 1\.1: must be between 0 and 1"):
             refused()

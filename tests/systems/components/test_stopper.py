@@ -134,7 +134,7 @@ def test_an_orbit_and_its_grazing_are_those_of_the_system_written_by_hand():
         parts=[mi.Stopper("stop", "x", "v", upper="d", restitution="e")],
     )
     orbit = mi.find_orbit(mi.simulate(oscillator, periods=300), periods=1)
-    branch = mi.continue_orbit(orbit, "A", stop=0.3)
+    branch = mi.continue_solution(orbit, "A", stop=0.3)
     labels = branch.special_table["label"].tolist()
     assert labels == ["PD", "G"]
     exact = math.sqrt((1.0 - 0.64) ** 2 + (0.1 * 0.8) ** 2)

@@ -329,7 +329,7 @@ def test_equilibria_on_an_intersection_have_the_eigenvalues_of_the_motion_along_
     # With the means (0.5 + 0.1 w)/2 and (1 + 0.1 z)/3 of the signs.
     assert 0.4 - 0.7 * z + 1.02 * w == pytest.approx(0.0, abs=1e-9)
     assert 0.2 / 3.0 + 0.02 / 3.0 * z - 0.5 * w - z * z == pytest.approx(0.0, abs=1e-9)
-    fold = mi.continue_equilibrium(rest, "u", stop=-1.0).special_points[0]
+    fold = mi.continue_solution(rest, "u", stop=-1.0).special_points[0]
     trace, product = -1.2, 0.35 + 1.02 * (2.0 * z - 0.02 / 3.0)
     assert sum(rest.eigenvalues) == pytest.approx(trace, abs=1e-9)
     assert math.prod(rest.eigenvalues) == pytest.approx(product, abs=1e-9)

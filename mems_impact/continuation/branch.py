@@ -1,0 +1,213 @@
+"""Branches and curves of solutions, periodic orbits or equilibria, with their special points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar, Generic, Self, TypeVar
+
+from mems_impact._util.arrays import Floats
+from mems_impact.orbits.equilibrium import EquilibriumState
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit
+
+if TYPE_CHECKING:
+    from mems_impact.continuation.homoclinic import SlowPassage
+    from mems_impact.continuation.test_functions import TestFunction
+
+__all__ = [
+    "BranchEvent",
+    "BranchPoint",
+    "CurveEvent",
+    "EquilibriumBranch",
+    "EquilibriumCurve",
+    "EquilibriumEvent",
+    "EquilibriumPoint",
+    "OrbitBranch",
+    "OrbitCurve",
+    "OrbitEvent",
+    "OrbitPoint",
+    "SolutionBranch",
+    "SolutionCurve",
+]
+
+N = TypeVar("N", bound=PeriodicOrbit | EquilibriumState)
+
+
+@dataclass(frozen=True)
+class BranchPoint(Generic[N]):
+    """One solution on a branch.
+
+    Attributes
+    ----------
+    solution : PeriodicOrbit or EquilibriumState
+    value : float
+        Of the parameter.
+    direction : float array
+        Tangent.
+    piece : int
+        Number of the signature on a branch of orbits, counted from 0.
+    """
+
+    solution: N
+    value: float
+    direction: Floats = field(repr=False)
+    piece: int = 0
+
+
+@dataclass(frozen=True)
+class BranchEvent(Generic[N]):
+    """A located special point of a branch.
+
+    Attributes
+    ----------
+    kind : str
+        "grazing", "fold", "period-doubling", "Neimark-Sacker", "Hopf", "branch point" (another
+        branch crosses), "onset of complete chatter", "boundary equilibrium" (a margin is zero, and
+        the equilibrium is virtual beyond), "unexplained" (a change of stability), or the name of
+        the guard whose margin is zero.
+    label : str
+        G, CF and PD as in the paper; NS, BP, CC, ?; of equilibria LP, H, BP, BE, ?; else the kind.
+    value : float
+        Of the parameter.
+    solution : PeriodicOrbit or EquilibriumState
+    direction : float array
+        Tangent of the branch.
+    monitor : TestFunction, optional
+        The test function of orbits that is zero.
+    guard : str
+        The guard of a boundary equilibrium, else empty.
+    """
+
+    kind: str
+    label: str
+    value: float
+    solution: N = field(repr=False)
+    direction: Floats = field(repr=False)
+    monitor: TestFunction = field(repr=False, default=None)  # type: ignore[assignment]
+    guard: str = ""
+
+
+@dataclass
+class SolutionBranch(Generic[N]):
+    """A branch in one parameter.
+
+    Attributes
+    ----------
+    parameter : str
+    points : list of BranchPoint
+    special_points : list of BranchEvent
+    ended : str
+        Reason for the end of the branch.
+    passage : SlowPassage, optional
+        Slow passage of the last limit cycle, if the period grows beyond bounds.
+    """
+
+    noun: ClassVar[str] = "orbits"
+
+    parameter: str
+    points: list[BranchPoint[N]] = field(default_factory=list)
+    special_points: list[BranchEvent[N]] = field(default_factory=list)
+    ended: str = ""
+    passage: SlowPassage | None = None
+
+    @property
+    def solutions(self) -> list[N]:
+        """The solutions of all points."""
+        return [point.solution for point in self.points]
+
+    def joined(self, other: Self) -> Self:
+        """Return this branch, reversed, and then another branch from the same solution."""
+        last = self.points[-1].piece
+        points = [
+            replace(point, direction=-point.direction, piece=last - point.piece)
+            for point in reversed(self.points)
+        ]
+        points += [replace(point, piece=last + point.piece) for point in other.points[1:]]
+        return replace(
+            other,
+            points=points,
+            special_points=[*reversed(self.special_points), *other.special_points],
+            passage=other.passage or self.passage,
+        )
+
+
+@dataclass(frozen=True)
+class CurveEvent(Generic[N]):
+    """A codimension-two point of a curve.
+
+    Attributes
+    ----------
+    kind : str
+    values : tuple of float
+        Of the two parameters.
+    solution : PeriodicOrbit or EquilibriumState
+    """
+
+    kind: str
+    values: tuple[float, float]
+    solution: N
+
+
+@dataclass
+class SolutionCurve(Generic[N]):
+    """A curve of special points in two parameters.
+
+    Attributes
+    ----------
+    kind : str
+        Kind of the special points.
+    parameters : tuple of str
+    points : list of PeriodicOrbit or EquilibriumState
+    special_points : list of CurveEvent
+    ended : str
+        Reason for the end of the curve.
+    bounds : tuple of float
+        Bounds of the first parameter, of a branch through the curve.
+    guard : str
+        The guard of boundary equilibria, else empty.
+    """
+
+    noun: ClassVar[str] = "orbits"
+
+    kind: str
+    parameters: tuple[str, str]
+    points: list[N] = field(default_factory=list)
+    special_points: list[CurveEvent[N]] = field(default_factory=list)
+    ended: str = ""
+    bounds: tuple[float, float] = (-float("inf"), float("inf"))
+    guard: str = ""
+
+    @property
+    def solutions(self) -> list[N]:
+        """The solutions of all points."""
+        return self.points
+
+    def values(self, solution: N) -> tuple[float, float]:
+        """Return the values of the two parameters at a solution."""
+        first, second = (float(solution.family.values[name]) for name in self.parameters)
+        return first, second
+
+
+OrbitPoint = BranchPoint[PeriodicOrbit]
+OrbitEvent = BranchEvent[PeriodicOrbit]
+EquilibriumPoint = BranchPoint[EquilibriumState]
+EquilibriumEvent = BranchEvent[EquilibriumState]
+
+
+class OrbitBranch(SolutionBranch[PeriodicOrbit]):
+    """A branch of periodic orbits."""
+
+
+class EquilibriumBranch(SolutionBranch[EquilibriumState]):
+    """A branch of equilibria."""
+
+    noun = "equilibria"
+
+
+class OrbitCurve(SolutionCurve[PeriodicOrbit]):
+    """A curve of periodic orbits."""
+
+
+class EquilibriumCurve(SolutionCurve[EquilibriumState]):
+    """A curve of equilibria."""
+
+    noun = "equilibria"
