@@ -249,8 +249,10 @@ class System(HybridSystem):
         self.typical = None
         sizes = arguments.sizes(typical)
         # In the user's units, in which functions and messages count.
-        problem, time = self.problem(Options()), sizes.get("time")
-        checks.dry_run(self, self.definition, problem, time=time, initial_given=initial is not None)
+        problem, given = self.problem(Options()), initial is not None
+        checks.check_run(
+            self, self.definition, problem, time=sizes.get("time"), initial_given=given
+        )
         if sizes:
             del self._checked_numbers  # in other units
             self.typical = typical_of(

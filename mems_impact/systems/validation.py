@@ -1,11 +1,9 @@
-"""Validation of user functions: dry run, consistency of rates, discontinuities, start values.
+"""Validation of user functions: short run, consistency of rates, discontinuities, start values.
 
-The dry run seldom reaches all modes. Runs and orbits therefore record the first states in modes
-that have not been checked, and the same checks are made there when they are done; otherwise an
-error in such a mode would go unnoticed.
-
-The dry run uses the pair of Bogacki and Shampine of order 3, whose points lie on a trajectory to a
-thousandth of a step; bisection locates events.
+When a system is made, the interpreted event loop takes a few steps, and the functions are called
+again with checks where steps end. The short run seldom reaches all modes. Runs and orbits therefore
+record the first states in modes that have not been checked, and the same checks are made there when
+they are done; otherwise an error in such a mode would go unnoticed.
 
 A point that the checks choose themselves cannot cause a rejection. Errors that do not depend on
 values, such as a component that is never written or an unknown mode, are reported wherever they
@@ -19,15 +17,15 @@ import itertools
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from dis import get_instructions
-from functools import cache, lru_cache, partial
-from itertools import pairwise
+from functools import cache, lru_cache
 from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mems_impact._util.bisection import bisect
+from mems_impact._util.arrays import Floats
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import DiscontinuityWarning, FunctionError, InvalidParameter, StartWarning
 from mems_impact.hybrid.definition import Definition, named_tuple
@@ -40,17 +38,33 @@ from mems_impact.hybrid.diagnostics.user_functions import (
     describe_value,
     rounding_size,
 )
+from mems_impact.hybrid.event_loop.loop import run_steps
+from mems_impact.hybrid.event_loop.workspace import (
+    ACCUMULATION,
+    DONE,
+    ENDED,
+    EVENT_BUDGET,
+    FAILED,
+    INADMISSIBLE,
+    NO_SUCH_MODE,
+    PAUSED,
+    STATE_BEFORE,
+    SWITCH,
+    TRANSITION,
+)
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD, Problem
-from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.simulation import NO_CHECKPOINTS, Events, Simulation
 from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
+from mems_impact.integrators.python_functions import MARGINS
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import Observable
 
 __all__ = [
     "check_end",
     "check_parted",
+    "check_run",
     "check_start_side",
-    "dry_run",
     "loaded",
     "mode_monitor",
     "reachable_functions",
@@ -444,15 +458,12 @@ PROBE_TIMES = (
 TIME_TOLERANCE_RATIO = 1e-9  # of the time scale
 
 
-class TimeGrid:
+class TimeGrid(NamedTuple):
     """The times of a system: its forcing period if it has one, time scale and switches."""
 
-    def __init__(self, period: float | None, unit: float, switches: Sequence[float]) -> None:
-        self.period, self.unit, self.switches = period, unit, tuple(switches)
-
-    def stop(self, t: float) -> float:
-        """Return the next switch after `t`."""
-        return next((time for time in self.switches if time > t), math.inf)
+    period: float | None
+    unit: float
+    switches: Sequence[float]
 
 
 def check_times(
@@ -496,6 +507,8 @@ def check_times(
     problem, remedy = "differs a period later", "give the period of the forcing"
     changes = [abs(a - b) for a, b in zip(slope, again, strict=True)]
     i = changes.index(max(changes))
+    if changes[i] <= rounding_size(checked.flow, (at,), range(len(checked.definition.modes))):
+        return
     values = f"{slope[i]:.6g} at t = {at.t:.6g} and {again[i]:.6g} at t = {at.t + later:.6g}"
     problem += f" (for {checked.states[i]} it gives {values})"
     remedy += ", or simulate the system without one"
@@ -611,289 +624,159 @@ def mode_monitor(system: HybridSystem, problem: Problem) -> ModeMonitor | None:
     return unended.definition and ModeMonitor(unended, unended.definition, problem)
 
 
-# --- Dry run
+# --- Short run
 
-DRY_RUN_CALLS = 300  # of the flow, of a system of few states
+CHECK_STEPS = 40  # steps, of a system of few states
 FEW_STATES = 8  # states
-DRY_RUN_LENGTH = 8.0  # length of the run, in its time scale
-STEP_ERROR_RATIO = 1e-3  # error of a step, of its length
+CHECK_LENGTH = 8.0  # length of the run, in its time scale
+LONGEST_STEP = 0.25  # of the time scale
+CHECK_RTOL = 1e-8  # of the run
 COMPARED_POINTS = 6  # points per mode at which times and rates are checked
-INSTANT = 100  # times that one guard may fire in one instant
-SHORT_FLIGHT_RATIO = 1e-2  # of the time scale: ever shorter flights below it end a chatter sequence
-CHATTER_FLIGHTS = 3  # flights
-ZERO = 1e-9  # of the change of a margin within the time scale: a smaller margin is zero
-FALL_RATIO = 1e-3  # of the rate before a transition: a larger negative rate after it is falling
-EVENT_WIDTH = 2.0**-50  # part of a step within which an event is located
-SHORT_STEP_TIMES = 1e-6  # steps, of the time scale, before which the flow may jump
-JUMP_PROBES = 4  # points at which a jump is sought
+INSTANT = 100  # times that guards may fire in one instant
+KINDS = {TRANSITION: "transition", ACCUMULATION: "rest"}  # of the transitions of a guard
 
-TransitionCallback = Callable[[int, EvaluationPoint, EvaluationPoint], None]
+EventCallback = Callable[[int, EvaluationPoint, EvaluationPoint], None]
 
 
-class DryRunAborted(Exception):
-    """The dry run cannot check the system any further."""
-
-
-class DryRun:
-    """The short run.
+class ShortRun:
+    """A short run by the interpreted event loop, whose calls are repeated with checks.
 
     Parameters
     ----------
+    system : HybridSystem
     checked : CheckedFunctions
-    clock : TimeGrid
-    on_transition : callable
-        Called with guard, point before and point after at every transition.
+    problem : Problem
+    start : HybridState
+    unit : float
+        The time scale.
     """
 
     def __init__(
-        self, checked: CheckedFunctions, clock: TimeGrid, on_transition: TransitionCallback
+        self,
+        system: HybridSystem,
+        checked: CheckedFunctions,
+        problem: Problem,
+        start: HybridState,
+        unit: float,
     ) -> None:
-        self.checked, self.clock, self.on_transition = checked, clock, on_transition
+        self.system, self.checked = system, checked
         self.guards = checked.definition.guards
-        self.calls = DRY_RUN_CALLS * FEW_STATES // max(FEW_STATES, checked.n)
-        self.looked: dict[int, int] = {}
-        self.probes = JUMP_PROBES
-        self.hits: dict[int, list[float]] = {}
+        slope = checked.flow(_point(start.mode, start.time, start.y))
+        sizes = (max(abs(y), abs(dy) * unit) for y, dy in zip(start.y, slope, strict=True))
+        options = Options(
+            method="dop853",
+            engine="interpreted",
+            rtol=CHECK_RTOL,
+            atol=CHECK_RTOL * min((float(size) for size in sizes if size > 0.0), default=1.0),
+            max_events=INSTANT,
+        )
+        scale = LONGEST_STEP * STEPS_PER_PERIOD * unit
+        self.problem = replace(problem, options=options, time_scale=scale)
+        end = replace(start, time=start.time + CHECK_LENGTH * unit)
+        self.run = Simulation(self.problem, start, end, NO_CHECKPOINTS, None, None)
 
-    def go(self, start: EvaluationPoint, *, initial_given: bool) -> None:
-        """Run from `start`.
+    def points(self, on_event: EventCallback) -> Iterator[EvaluationPoint]:
+        """Yield the points at which steps end.
 
         Parameters
         ----------
-        start : EvaluationPoint
-        initial_given : bool
-            Whether the user gave this initial state; otherwise functions may have no value there.
+        on_event : callable
+            Called with guard, point before and point after at every event.
 
         Raises
         ------
+        DomainError
+            If a transition has no value.
         FunctionError
-            For the first function that fails or is inconsistent.
+            If a function fails, or a transition leaves its guard firing.
         InvalidParameter
-            If the user gave this initial state and it lies beyond an impact.
+            If the run starts beyond an impact.
         """
-        try:
-            slope = self.checked.flow(start)
-            now = self.margins(start)
-            self.look(start, slope)
-            if self.inside(start, slope, now, initial_given=initial_given):
+        engine: Any = self.run.binding.engine
+        clock, memory = self.run.clock, self.run.memory
+        period, n = self.problem.period, self.checked.n
+        for _ in range(CHECK_STEPS * FEW_STATES // max(FEW_STATES, n)):
+            status = run_steps(engine, clock, 1)
+            events = self.check_events(on_event)
+            time = clock.t if self.problem.automaton.forced else clock.cycle * period + clock.t
+            at = _point(clock.mode, time, memory.local)
+            if status == INADMISSIBLE:
+                i, location = clock.failure, self.checked.location(at)
+                name, margin = self.guards[i].name, self.checked.margin(i, at)
+                reason = f"lies beyond the guard {name!r}, whose margin is {margin:.6g} {location}"
+                raise InvalidParameter("initial", None, "", problem=reason)
+            is_own = bool((events.guard[-INSTANT // 2 :] == clock.failure).all())
+            if status == EVENT_BUDGET and is_own and clock.failure < len(self.guards):
+                raise self.still_falling(clock.failure, at)
+            fault = engine.fault()
+            if fault is not None and fault.role == MARGINS:
+                at = _point(fault.mode, time, fault.y)
+            if status == NO_SUCH_MODE:
+                before = np.array(memory.table[STATE_BEFORE][:n])
+                self.check_transitions(_point(clock.mode, time, before))
+            if status not in (PAUSED, DONE, ENDED, FAILED):
                 return
-        except DomainError as found:
-            if initial_given:
-                raise found.error from None
-            return
-        try:
-            self.follow(start, slope, now)
-        except (DryRunAborted, DomainError):
-            return  # at a point chosen by the checks
+            yield at
+            jump = memory.take_step_collapse()
+            if jump and warn_of_discontinuity(self.system, self.checked.definition, *jump):
+                return
+            if status != PAUSED:
+                return
 
-    def active_guards(self, mode: int) -> list[int]:
-        """Return the active guards of a mode."""
-        return [i for i, g in enumerate(self.guards) if g.modes is None or mode in g.modes]
+    def check_events(self, on_event: EventCallback) -> Events:
+        """Return the events of the last step, whose transitions are repeated with checks."""
+        events = Events.from_rows(self.run.events[: self.run.clock.events_written])
+        self.run.clock.events_written = 0
+        times = (events.cycle * self.problem.period + events.time).tolist()
+        rows = zip(events.kind.tolist(), events.guard.tolist(), times, strict=True)
+        last: tuple[int, int, float] | None = None
+        for row, (kind, i, time) in enumerate(rows):
+            before = _point(events.mode_before[row], time, events.before[row])
+            if kind == SWITCH:
+                self.checked.transition("switch_transition", None, before)
+            elif kind in KINDS and i < len(self.guards):
+                mode, y = self.checked.transition(KINDS[kind], i, before)
+                on_event(i, before, before._replace(mode=mode, y=y))
+                if (kind, i, time) == last and kind == TRANSITION and self.guards[i].impact:
+                    raise self.still_falling(i, before)
+            last = kind, i, time
+        return events
 
-    def margins(self, at: EvaluationPoint) -> dict[int, float]:
-        """Return the margins of the active guards."""
-        return {i: self.checked.margin(i, at) for i in self.active_guards(at.mode)}
+    def check_transitions(self, at: EvaluationPoint) -> None:
+        """Check the functions one of which has returned no mode."""
+        for i in active_guards(self.checked.definition, at.mode):
+            for kind in KINDS.values():
+                with contextlib.suppress(DomainError):
+                    self.checked.transition(kind, i, at)
+        self.checked.transition("switch_transition", None, at)
 
-    def rate(self, i: int, at: EvaluationPoint, slope: Sequence[float]) -> float:
-        """Return the rate of a margin, given or by differences."""
-        if self.guards[i].rate is not None:
-            return self.checked.rate(i, at)
-        return rate_of(self.checked, i, at, slope, self.clock.unit)[0]
-
-    def inside(
-        self,
-        start: EvaluationPoint,
-        slope: Sequence[float],
-        now: dict[int, float],
-        *,
-        initial_given: bool,
-    ) -> bool:
-        """Return whether the start lies beyond an impact and moves further beyond."""
-        for i, margin in now.items():
-            if not (self.guards[i].impact and margin < 0.0):
-                continue
-            rate = self.rate(i, start, slope)
-            beyond = margin < -1e-6 * (abs(margin - rate * self.clock.unit) + 1e-3)
-            if beyond and rate <= 0.0:
-                if not initial_given:
-                    return True
-                name, location = self.guards[i].name, self.checked.location(start)
-                problem = f"lies beyond the guard {name!r}, whose margin is {margin:.6g} {location}"
-                raise InvalidParameter("initial", None, "", problem=problem)
-        return False
-
-    def look(self, at: EvaluationPoint, slope: Sequence[float]) -> None:
-        """Check rates and the dependence on time at the first few points."""
-        visits = self.looked[at.mode] = self.looked.get(at.mode, 0) + 1
-        if visits <= COMPARED_POINTS:
-            compare(self.checked, self.clock, at, slope)
-
-    def follow(self, at: EvaluationPoint, slope: list[float], now: dict[int, float]) -> None:
-        """Follow the flow and its events until the budget is spent."""
-        unit, end = self.clock.unit, at.t + DRY_RUN_LENGTH * self.clock.unit
-        longest, h = unit / STEPS_PER_PERIOD, 1e-4 * unit
-        while self.calls > 0 and at.t < end:
-            stop = self.clock.stop(at.t)
-            h = min(h, longest, stop - at.t)
-            step = self.step(at, slope, h, stop)
-            if step is None or step[2] > 1.0:
-                h *= 0.25 if step is None else max(0.2, 0.9 * step[2] ** (-1.0 / 3.0))
-                stuck = h < 1e-9 * unit
-                if stuck or (h < SHORT_STEP_TIMES * unit and self.probes > 0):
-                    self.probes -= 1
-                    stretches = [part * unit for part in PROBE_OFFSETS]
-                    if warn_of_jump(self.checked, at, slope, list(now), stretches) or stuck:
-                        return
-                continue
-            next_point, ahead, error = step
-            later = self.margins(next_point)
-            fallen = [i for i in now if later[i] <= 0.0 and self.above(i, now[i], at, slope)]
-            if fallen:
-                i, next_point = self.crossing(fallen, at, slope, next_point, ahead)
-                next_point = self.resolve(i, next_point)
-            elif next_point.t >= stop:
-                mode, y = self.checked.transition("switch_transition", None, next_point)
-                period = self.clock.period
-                shift = period if period is not None and next_point.t >= period else 0.0
-                next_point, end = EvaluationPoint(mode, next_point.t - shift, y), end - shift
-            if next_point is not step[0]:  # an event or a switch may have changed the mode
-                ahead = self.checked.flow(next_point)
-                later = self.margins(next_point)
-            at, slope, now = next_point, ahead, later
-            self.look(at, slope)
-            h *= min(4.0, 0.9 * max(error, 1e-3) ** (-1.0 / 3.0))
-
-    def above(self, i: int, margin: float, at: EvaluationPoint, slope: list[float]) -> bool:
-        """Return whether a margin is positive, or zero and increasing."""
-        rate = self.rate(i, at, slope) if margin <= 0.0 else 0.0
-        return margin > 0.0 or (rate > 0.0 and margin >= -ZERO * rate * self.clock.unit)
-
-    def step(
-        self, at: EvaluationPoint, k1: list[float], h: float, stop: float
-    ) -> tuple[EvaluationPoint, list[float], float] | None:
-        """Return point and slope after a step, and its error; None if it leaves the domain."""
-        last = math.nextafter(stop, 0.0) if stop < math.inf else math.inf
-        mode, t, y = at
-
-        def slope_at(part: float, *terms: tuple[float, list[float]]) -> list[float]:
-            self.calls -= 1
-            return self.checked.flow(
-                EvaluationPoint(mode, min(t + part * h, last), moved(y, h, *terms))
-            )
-
-        try:
-            k2 = slope_at(0.5, (0.5, k1))
-            k3 = slope_at(0.75, (0.75, k2))
-            new = moved(y, h, (2.0 / 9.0, k1), (1.0 / 3.0, k2), (4.0 / 9.0, k3))
-            end = EvaluationPoint(mode, min(t + h, stop), new)
-            k4 = slope_at(1.0, (2.0 / 9.0, k1), (1.0 / 3.0, k2), (4.0 / 9.0, k3))
-        except (DomainError, FunctionError):
-            return None
-        wrong = moved([0.0] * len(y), h, (-5 / 72, k1), (1 / 12, k2), (1 / 9, k3), (-1 / 8, k4))
-        error = 0.0
-        for i, value in enumerate(wrong):
-            size = max(abs(h * k1[i]), abs(h * k4[i]), 1e-6 * abs(y[i]))
-            error = max(error, abs(value) / (STEP_ERROR_RATIO * size)) if size > 0.0 else error
-        return (end, k4, error) if math.isfinite(error) else None
-
-    def crossing(
-        self,
-        fallen: list[int],
-        at: EvaluationPoint,
-        slope: list[float],
-        end: EvaluationPoint,
-        ahead: list[float],
-    ) -> tuple[int, EvaluationPoint]:
-        """Return the guard whose margin falls through zero first within a step, and where."""
-        h = end.t - at.t
-
-        def between(part: float) -> EvaluationPoint:
-            # Cubic Hermite interpolation.
-            b = part * part * (3.0 - 2.0 * part)
-            c, d = part * (1.0 - part) ** 2 * h, part * part * (part - 1.0) * h
-            terms = zip(at.y, slope, end.y, ahead, strict=True)
-            y = [(1.0 - b) * y0 + b * y1 + c * d0 + d * d1 for y0, d0, y1, d1 in terms]
-            return EvaluationPoint(at.mode, at.t + part * h, y)
-
-        def above(i: int, part: float) -> bool:
-            return self.checked.margin(i, between(part)) > 0.0
-
-        candidates = []
-        for i in fallen:
-            low, _ = bisect(partial(above, i), 0.0, 1.0, EVENT_WIDTH)
-            candidates.append((low, self.guards[i].order or 0, i))
-        part, _, i = min(candidates)
-        return i, between(part)
-
-    def resolve(self, i: int, at: EvaluationPoint) -> EvaluationPoint:
-        """Carry out the transitions of an instant, beginning with guard `i`."""
-        guard, fired = self.guards[i], 0
-        kind = "transition"
-        if guard.impact and self.accumulates(i, at):
-            kind = "rest"
-            if guard.rest is None:
-                raise DryRunAborted
-        while guard.transition is not None:
-            before = self.rate(i, at, self.checked.flow(at))
-            if before >= 0.0:
-                raise DryRunAborted  # rounding, not the flow, has crossed zero
-            mode, y = self.checked.transition(kind, i, at)
-            after = EvaluationPoint(mode, at.t, y)
-            self.on_transition(i, at, after)
-            if not (guard.condition or guard.impact) or not self.falls(i, after, before):
-                return after
-            fired += 1
-            if guard.impact or fired >= INSTANT:
-                raise self.still_falling(i, kind, after)
-            at = after
-        return at
-
-    def accumulates(self, i: int, at: EvaluationPoint) -> bool:
-        """Record an impact; return whether a chatter sequence of impacts ends."""
-        hits = self.hits[i] = [*self.hits.get(i, []), at.t][-CHATTER_FLIGHTS - 1 :]
-        flights = [later - earlier for earlier, later in pairwise(hits)]
-        shrinking = all(0.0 < short < long for long, short in pairwise(flights))
-        return (
-            len(flights) == CHATTER_FLIGHTS
-            and shrinking
-            and flights[-1] < SHORT_FLIGHT_RATIO * self.clock.unit
-        )
-
-    def falls(self, i: int, at: EvaluationPoint, before: float) -> bool:
-        """Return whether a guard fires again after its transition."""
-        if i not in self.active_guards(at.mode):
-            return False
-        slope = self.checked.flow(at)
-        rate, error = rate_of(self.checked, i, at, slope, self.clock.unit)
-        low = self.checked.margin(i, at) <= ZERO * abs(before) * self.clock.unit
-        return low and rate < -FALL_RATIO * abs(before) - error
-
-    def still_falling(self, i: int, kind: str, at: EvaluationPoint) -> FunctionError:
-        """Return the message about a transition that leaves its guard firing."""
-        guard = self.guards[i]
+    def still_falling(self, i: int, at: EvaluationPoint) -> FunctionError:
+        """Return the error of a transition that leaves its guard firing."""
+        guard, automaton = self.guards[i], self.problem.automaton
+        rates = automaton.margins_at(at.mode, at.t, np.array(at.y), self.problem.parameters)[1]
         assert guard.transition is not None
-        rate = self.rate(i, at, self.checked.flow(at))
-        problem = f"leaves its margin at zero and falling, at the rate {rate:.6g}"
+        problem = f"leaves its margin at zero and falling, at the rate {rates[i]:.6g}"
         problem += ", so that it fires again at the same instant"
         remedy = "reverse the rate, or lead to a mode in which the guard is not active"
-        if depends_on_time_only(
-            lambda y: self.checked.margin(i, EvaluationPoint(at.mode, at.t, list(y))), at.y
-        ):
+        if depends_on_time_only(lambda y: self.checked.margin(i, at._replace(y=list(y))), at.y):
             remedy = AT_TIMES
-        return UserFunction(kind, guard.transition, guard.name).error(problem, remedy)
+        return UserFunction("transition", guard.transition, guard.name).error(problem, remedy)
 
 
-def moved(y: Sequence[float], h: float, *terms: tuple[float, list[float]]) -> list[float]:
-    """Return ``y`` moved by `h` times a weighted sum of slopes."""
-    return [
-        value + h * sum(weight * slope[i] for weight, slope in terms) for i, value in enumerate(y)
-    ]
+def _point(mode: int, t: float, y: Floats) -> EvaluationPoint:
+    return EvaluationPoint(int(mode), float(t), y.tolist())
+
+
+def active_guards(definition: Definition, mode: int) -> list[int]:
+    """Return the active guards of a mode."""
+    guards = definition.guards
+    return [i for i, guard in enumerate(guards) if guard.modes is None or mode in guard.modes]
 
 
 # --- Checks of a system before it runs
 
 
-def dry_run(
+def check_run(
     system: HybridSystem,
     definition: Definition,
     problem: Problem,
@@ -914,7 +797,7 @@ def dry_run(
     time : float or None
         Typical time, if the user gave one.
     initial_given : bool
-        Whether the user gave the initial state.
+        Whether the user gave the initial state; otherwise functions may have no value there.
 
     Raises
     ------
@@ -926,43 +809,65 @@ def dry_run(
     """
     check_effects(definition)
     checked, start = _checked(definition, problem), _start(system, problem)
-    observables = system.observables
+    unit = time or problem.time_scale or problem.period
+    clock = TimeGrid(system.forcing_period, unit, problem.switches)
+    visits: dict[int, int] = {}
     measured: set[int] = set()
 
-    def noted(i: int, before: EvaluationPoint, after: EvaluationPoint) -> None:
-        for each in observables:
+    def look(at: EvaluationPoint) -> None:
+        slope = checked.flow(at)
+        for i in active_guards(definition, at.mode):
+            checked.margin(i, at)
+        visits[at.mode] = visits.get(at.mode, 0) + 1
+        if visits[at.mode] <= COMPARED_POINTS:
+            compare(checked, clock, at, slope)
+
+    def on_event(i: int, before: EvaluationPoint, after: EvaluationPoint) -> None:
+        for each in system.observables:
             if definition.guards[i].name in each.at and id(each) not in measured:
                 measured.add(id(each))
                 states = checked.state(before.y), checked.state(after.y)
                 _measured(each, before.mode, before.t, *states, checked.p)
 
-    for each in observables:
+    for each in system.observables:
         if not each.at:
-            _measured(each, checked.state(start.y), checked.p)
-    unit = time or problem.time_scale or problem.period
-    clock = TimeGrid(system.forcing_period, unit, problem.switches)
-    short = DryRun(checked, clock, noted)
-    short.go(start, initial_given=initial_given)
-    system.checked_modes.update(short.looked)
+            _measured(each, checked.state(start.y.tolist()), checked.p)
+    try:
+        look(_point(start.mode, start.time, start.y))
+    except DomainError as found:
+        if initial_given:
+            raise found.error from None
+        return
+    try:
+        for at in ShortRun(system, checked, problem, start, unit).points(on_event):
+            look(at)
+    except DomainError:
+        pass  # at a point chosen by the checks
+    except InvalidParameter:
+        if initial_given:
+            raise
+    system.checked_modes.update(visits)
 
 
 def check_end(system: HybridSystem, definition: Definition, problem: Problem) -> None:
     """Check the margin of the last guard of a definition, which ends a run, at the start."""
     with contextlib.suppress(DomainError):
         checked = _checked(definition, problem)
-        checked.margin(len(definition.guards) - 1, _start(system, problem))
+        start = _start(system, problem)
+        at = _point(start.mode, start.time, start.y)
+        checked.margin(len(definition.guards) - 1, at)
 
 
 def _checked(definition: Definition, problem: Problem) -> CheckedFunctions:
     return CheckedFunctions(definition, problem.parameters[: len(definition.parameters)].tolist())
 
 
-def _start(system: HybridSystem, problem: Problem) -> EvaluationPoint:
+def _start(system: HybridSystem, problem: Problem) -> HybridState:
     start = system.hybrid_state(None, problem)
     # As given: a run moves it to where the constraints of its mode hold.
     values = {**dict.fromkeys(system.states, 0.0), **system.initial.as_dict()}
     y = [float(system.into(name, values[name])) for name in system.states]
-    return EvaluationPoint(start.mode, start.time, y)
+    return replace(start, y=np.array(y))
 
 
 def _measured(observable: Observable, *arguments: Any) -> None:
