@@ -285,12 +285,15 @@ def _function(function: Any) -> Any:
 
 
 HEAD = workspace.HEAD
+ROW = _code("({0}->rows + {0}->width * ({1}))", Array())
+COMPONENT = _code(f"({{0}}->components + {stepper.ENGINE_NUMBERS} * ({{1}}))", Array())
 HANDLERS: dict[Any, Any] = {
     workspace.table_row: _code("({0}->table + {0}->width * ({1}))", Array()),
     workspace.event_at: _code(f"({{0}}->events + ({HEAD} + 2 * {{0}}->n) * ({{1}}))", Array()),
     workspace.sample_at: _code("({0}->samples + (3 + {0}->n) * ({1}))", Array()),
-    stepper.row: _code("({0}->rows + {0}->width * ({1}))", Array()),
-    stepper.component: _code(f"({{0}}->components + {stepper.ENGINE_NUMBERS} * ({{1}}))", Array()),
+    **dict.fromkeys((stepper.row, stepper.grouped), ROW),
+    **dict.fromkeys((stepper.component, stepper.group), COMPONENT),
+    stepper.groups: _code("{0}->n", INTEGER),
     stepper.records_approaches: _code("(GUARD_IMPACTS[{1}] != 0.0)", BOOLEAN),
     stepper.set_fired: _code("({0}->fired[{1}] = {2})", INTEGER),
     interface.step: _function(stepper.step),

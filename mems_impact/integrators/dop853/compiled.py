@@ -25,6 +25,7 @@ from mems_impact.integrators.jit.kernels import (
     is_handle,
     method_entries,
 )
+from mems_impact.integrators.jit.lanes import LANES, strided_at
 from mems_impact.integrators.jit.numba_support import (
     INNER,
     JIT,
@@ -39,13 +40,14 @@ from mems_impact.integrators.jit.numba_support import (
 )
 from mems_impact.integrators.options import Options
 
+METHOD = ("stages", "dense", "wide_stages", "wide_dense")
 _WORDS = ("rows", "width", "components", "approaches", "direction", "begun", "rest", "has_dense")
 _COUNTS = ("at_border", "off_border", "stiff", "steps")
 _REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
     [
         *ENGINE_FIELDS,
-        *((name, np.int64) for name in ("stages", "dense", *_WORDS, *_COUNTS)),
+        *((name, np.int64) for name in (*METHOD, *_WORDS, *_COUNTS)),
         *((name, np.float64) for name in _REALS),
     ],
     align=True,
@@ -53,13 +55,21 @@ HANDLE = np.dtype(
 # Fused multiply-add saves 5 % of the time. Automata are compiled without it, since exact zeros of
 # differences must be preserved.
 CONTRACTED = {"fastmath": {"contract"}}
-_handle = record_at(from_dtype(HANDLE))
+# The same record, for code that computes groups of components at once. Few components are computed
+# faster one by one, since a vector is read late from memory that has been written by numbers.
+WIDE = np.dtype([*HANDLE.descr, ("wide", np.int64)], align=True)
+_handle, _wide = record_at(from_dtype(HANDLE)), record_at(from_dtype(WIDE))
+
+# Numbers of a component, and vectors of a group or a row.
+_numbers_at, _vectors_at = strided_at(LANES, 1), strided_at(LANES, LANES)
 
 _word, _real = types.int64, types.float64
 SIGNATURES = {
     **METHOD_SIGNATURES,
     "stages": _real(_word, _real, _real),
     "dense": types.void(_word, _real, _real),
+    "wide_stages": _real(_word, _real, _real),
+    "wide_dense": types.void(_word, _real, _real),
 }
 
 
@@ -76,8 +86,9 @@ class CompiledDop853(CompiledEngine):
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
-        n, width = equations.n, max(equations.n, 2 * equations.m + 2)
-        arrays = {"rows": ROWS * width, "components": n * ENGINE_NUMBERS}
+        size = -(-equations.n // LANES) * LANES  # the last group has components of zero
+        width = max(size, 2 * equations.m + 2)
+        arrays = {"rows": ROWS * width, "components": size * ENGINE_NUMBERS}
         super().__init__(HANDLE, equations, arrays, functions())
         handle = self.handle
         self._approaches = np.array(equations.approaches, dtype=np.float64)
@@ -87,6 +98,9 @@ class CompiledDop853(CompiledEngine):
         handle["direction"] = equations.crossing[2]
         handle["rtol"], handle["atol"] = options.rtol, options.atol
         handle["max_step"] = max_step
+        if equations.columns:
+            for name in ("stages", "dense"):
+                handle[name] = handle[f"wide_{name}"]
 
     def is_stiff(self) -> bool:
         """Return whether stability, not accuracy, has limited steps."""
@@ -127,7 +141,13 @@ def functions() -> dict[str, Any]:
     def dense(engine, t, h):  # type: ignore[no-untyped-def]
         run_dense(_handle(engine), t, h)
 
-    entries: list[Callable[..., Any]] = [stages, dense]
+    def wide_stages(engine, t, h):  # type: ignore[no-untyped-def]
+        return run_stages(_wide(engine), t, h)
+
+    def wide_dense(engine, t, h):  # type: ignore[no-untyped-def]
+        run_dense(_wide(engine), t, h)
+
+    entries: list[Callable[..., Any]] = [stages, dense, wide_stages, wide_dense]
     entries += method_entries(
         "dop853",
         _handle,
@@ -142,7 +162,7 @@ def functions() -> dict[str, Any]:
             run_method_memory,
         ),
     )
-    contracted = {"stages", "dense", "step", "interpolate"}
+    contracted = {*METHOD, "step", "interpolate"}
     return {
         function.__name__: compile_callback(
             function,
@@ -158,9 +178,16 @@ def _is_onestep(kind: Any) -> bool:
     return is_handle(kind) and "h_next" in kind.fields
 
 
+def _is_wide(kind: Any) -> bool:
+    return _is_onestep(kind) and "wide" in kind.fields
+
+
 mark_overloaded(
     stepper.row,
     stepper.component,
+    stepper.groups,
+    stepper.group,
+    stepper.grouped,
     stepper.records_approaches,
     stepper.set_fired,
     stepper.try_step,
@@ -177,7 +204,33 @@ def _row(engine, i):  # type: ignore[no-untyped-def]
 @overload(stepper.component, jit_options={**JIT, **INNER})
 def _component(engine, j):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
-        return lambda engine, j: pointer(engine.components + WORD * ENGINE_NUMBERS * j)
+        return lambda engine, j: _numbers_at(
+            engine.components + WORD * (ENGINE_NUMBERS * (j - j % LANES) + j % LANES)
+        )
+
+
+@overload(stepper.groups, jit_options={**JIT, **INNER})
+def _groups(engine):  # type: ignore[no-untyped-def]
+    if _is_wide(engine):
+        return lambda engine: (engine.n + LANES - 1) // LANES
+    if _is_onestep(engine):
+        return lambda engine: engine.n
+
+
+@overload(stepper.group, jit_options={**JIT, **INNER})
+def _group(engine, j):  # type: ignore[no-untyped-def]
+    if _is_wide(engine):
+        return lambda engine, j: _vectors_at(engine.components + WORD * ENGINE_NUMBERS * LANES * j)
+    if _is_onestep(engine):
+        return lambda engine, j: stepper.component(engine, j)
+
+
+@overload(stepper.grouped, jit_options={**JIT, **INNER})
+def _grouped(engine, i):  # type: ignore[no-untyped-def]
+    if _is_wide(engine):
+        return lambda engine, i: _vectors_at(engine.rows + WORD * engine.width * i)
+    if _is_onestep(engine):
+        return lambda engine, i: stepper.row(engine, i)
 
 
 @overload(stepper.records_approaches, jit_options={**JIT, **INNER})

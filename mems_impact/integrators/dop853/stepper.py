@@ -155,6 +155,8 @@ SMALLEST_TOTAL = 1e-300  # of the two error estimates, as a divisor
 # Data of each component of the state: the slopes of stages 0 to 15, then seven coefficients of the
 # dense output.
 DENSE = 16
+# The same numbers before: of a step, both error estimates and the sum of slopes without weights.
+DIFFERENCE_5, DIFFERENCE_3, PROBE = DENSE, DENSE + 1, DENSE + 2
 ENGINE_NUMBERS = 24
 
 # Rows of values, the arguments and results of the automaton's functions.
@@ -179,6 +181,21 @@ def component(engine: Any, j: int) -> Any:
     return engine.components[j]
 
 
+def groups(engine: Any) -> int:
+    """Return the number of groups of components; compiled code may compute a group at once."""
+    return int(engine.n)
+
+
+def group(engine: Any, j: int) -> Any:
+    """Return the data of group `j`: vectors in place of numbers."""
+    return engine.components[j]
+
+
+def grouped(engine: Any, i: int) -> Any:
+    """Return row `i` as groups."""
+    return engine.rows[i]
+
+
 def set_fired(engine: Any, i: int, direction: int) -> None:
     """Set the direction in which root function `i` has crossed zero, or 0."""
     engine.crossings[i] = direction
@@ -197,69 +214,69 @@ def stages(engine: Any, t: float, h: float) -> float:
     """
     n, mode, limit = engine.n, engine.mode, engine.last_instant
     rtol, atol = engine.rtol, engine.atol
-    y, slope = row(engine, ARGUMENT), row(engine, SLOPE)
-    start, end = row(engine, START), row(engine, END)
+    y, slope = grouped(engine, ARGUMENT), grouped(engine, SLOPE)
+    start, end = grouped(engine, START), grouped(engine, END)
     # fmt: off
     (a0,) = A[1]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         y[j] = start[j] + h * (a0 * k[0])
     interface.flow(engine, mode, min(t + C[1] * h, limit), y, slope)
     a0, a1 = A[2]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[1] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a1 * k[1])
     interface.flow(engine, mode, min(t + C[2] * h, limit), y, slope)
     a0, a2 = A[3]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[2] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a2 * k[2])
     interface.flow(engine, mode, min(t + C[3] * h, limit), y, slope)
     a0, a2, a3 = A[4]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[3] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a2 * k[2] + a3 * k[3])
     interface.flow(engine, mode, min(t + C[4] * h, limit), y, slope)
     a0, a3, a4 = A[5]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[4] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a3 * k[3] + a4 * k[4])
     interface.flow(engine, mode, min(t + C[5] * h, limit), y, slope)
     a0, a3, a4, a5 = A[6]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[5] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5])
     interface.flow(engine, mode, min(t + C[6] * h, limit), y, slope)
     a0, a3, a4, a5, a6 = A[7]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[6] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6])
     interface.flow(engine, mode, min(t + C[7] * h, limit), y, slope)
     a0, a3, a4, a5, a6, a7 = A[8]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[7] = slope[j]
         y[j] = start[j] + h * (
             a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7]
         )
     interface.flow(engine, mode, min(t + C[8] * h, limit), y, slope)
     a0, a3, a4, a5, a6, a7, a8 = A[9]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[8] = slope[j]
         y[j] = start[j] + h * (
             a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8]
         )
     interface.flow(engine, mode, min(t + C[9] * h, limit), y, slope)
     a0, a3, a4, a5, a6, a7, a8, a9 = A[10]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[9] = slope[j]
         y[j] = start[j] + h * (
             a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8]
@@ -267,8 +284,8 @@ def stages(engine: Any, t: float, h: float) -> float:
         )
     interface.flow(engine, mode, min(t + C[10] * h, limit), y, slope)
     a0, a3, a4, a5, a6, a7, a8, a9, a10 = A[11]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[10] = slope[j]
         y[j] = start[j] + h * (
             a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8]
@@ -278,9 +295,8 @@ def stages(engine: Any, t: float, h: float) -> float:
     b0, b5, b6, b7, b8, b9, b10, b11 = A[12]
     e0, e5, e6, e7, e8, e9, e10, e11 = ERROR_5
     w0, w8, w11 = WEIGHTS_3
-    error_5, error_3, probe = 0.0, 0.0, 0.0
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[11] = slope[j]
         mean = (
             b0 * k[0] + b5 * k[5] + b6 * k[6] + b7 * k[7] + b8 * k[8] + b9 * k[9] + b10 * k[10]
@@ -288,16 +304,20 @@ def stages(engine: Any, t: float, h: float) -> float:
         )
         end[j] = start[j] + h * mean
         scale = atol + rtol * max(abs(start[j]), abs(end[j]))
-        difference = (
+        k[DIFFERENCE_5] = (
             e0 * k[0] + e5 * k[5] + e6 * k[6] + e7 * k[7] + e8 * k[8] + e9 * k[9] + e10 * k[10]
             + e11 * k[11]
         ) / scale
-        error_5 += difference * difference
-        difference = (mean - (w0 * k[0] + w8 * k[8] + w11 * k[11])) / scale
-        error_3 += difference * difference
+        k[DIFFERENCE_3] = (mean - (w0 * k[0] + w8 * k[8] + w11 * k[11])) / scale
         # Slopes without a weight in the error estimate.
-        probe += k[1] + k[2] + k[3] + k[4]
+        k[PROBE] = k[1] + k[2] + k[3] + k[4]
     # fmt: on
+    error_5, error_3, probe = 0.0, 0.0, 0.0
+    for j in range(n):
+        k = component(engine, j)
+        error_5 += k[DIFFERENCE_5] * k[DIFFERENCE_5]
+        error_3 += k[DIFFERENCE_3] * k[DIFFERENCE_3]
+        probe += k[PROBE]
     total = max(error_5 + 0.01 * error_3, SMALLEST_TOTAL)
     return abs(h) * error_5 / math.sqrt(n * total) + 0.0 * probe
 
@@ -305,20 +325,20 @@ def stages(engine: Any, t: float, h: float) -> float:
 def dense(engine: Any, t: float, h: float) -> None:
     """Compute the coefficients of the dense output of the step from `t`, with three more stages."""
     n, mode, limit = engine.n, engine.mode, engine.last_instant
-    y, slope = row(engine, SPARE), row(engine, SLOPE)
-    start, end = row(engine, START), row(engine, END)
+    y, slope = grouped(engine, SPARE), grouped(engine, SLOPE)
+    start, end = grouped(engine, START), grouped(engine, END)
     # fmt: off
     a0, a6, a7, a8, a9, a10, a11, a12 = A[13]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         y[j] = start[j] + h * (
             a0 * k[0] + a6 * k[6] + a7 * k[7] + a8 * k[8] + a9 * k[9] + a10 * k[10] + a11 * k[11]
             + a12 * k[12]
         )
     interface.flow(engine, mode, min(t + C[13] * h, limit), y, slope)
     a0, a5, a6, a7, a10, a11, a12, a13 = A[14]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[13] = slope[j]
         y[j] = start[j] + h * (
             a0 * k[0] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a10 * k[10] + a11 * k[11]
@@ -326,45 +346,45 @@ def dense(engine: Any, t: float, h: float) -> None:
         )
     interface.flow(engine, mode, min(t + C[14] * h, limit), y, slope)
     a0, a5, a6, a7, a8, a12, a13, a14 = A[15]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[14] = slope[j]
         y[j] = start[j] + h * (
             a0 * k[0] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8] + a12 * k[12] + a13 * k[13]
             + a14 * k[14]
         )
     interface.flow(engine, mode, min(t + C[15] * h, limit), y, slope)
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[15] = slope[j]
         rise = end[j] - start[j]
         k[DENSE] = rise
         k[DENSE + 1] = h * k[0] - rise
         k[DENSE + 2] = 2.0 * rise - h * (k[12] + k[0])
     d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[0]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[DENSE + 3] = h * (
             d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
             + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]
         )
     d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[1]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[DENSE + 4] = h * (
             d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
             + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]
         )
     d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[2]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[DENSE + 5] = h * (
             d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
             + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]
         )
     d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[3]
-    for j in range(n):
-        k = component(engine, j)
+    for j in range(groups(engine)):
+        k = group(engine, j)
         k[DENSE + 6] = h * (
             d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
             + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]

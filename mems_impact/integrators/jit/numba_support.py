@@ -200,7 +200,7 @@ def caller(signature: Any) -> Any:
 
 @intrinsic
 def data(_typing: Any, vector: Any) -> Any:
-    """Return the address of the data of an array or a pointer."""
+    """Return the address of the data of an array, or a pointer or an address."""
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         return _data(vector, context, builder, args[0])
@@ -211,6 +211,8 @@ def data(_typing: Any, vector: Any) -> Any:
 def _data(vector: Any, context: Any, builder: Any, value: Any) -> Any:
     if isinstance(vector, types.Array):
         value = make_array(vector)(context, builder, value).data
+    if isinstance(value.type, ir.IntType):
+        return value
     return builder.ptrtoint(value, ir.IntType(64))
 
 
