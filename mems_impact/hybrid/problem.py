@@ -361,7 +361,7 @@ def _compiled(
         raise function_error from error
 
     def call(function: Callable[..., Any], *arguments: Any) -> Any:
-        result = compiled.compiled(function)(engine.head, *arguments)
+        result = compiled.compiled(function)(engine.address, *arguments)
         _raise_fault(engine, automaton)
         return result
 
@@ -381,7 +381,7 @@ def _compiled(
     ) -> tuple[dict[str, Any], Any]:
         kernel = observables_of(observe, n, count) if observe is not None else None
         addresses = {
-            "advance": compiled.address_of_loop(engine.head, clock),
+            "advance": compiled.address_of_loop(clock),
             "observe": kernel.address if kernel is not None else 0,
         }
         return addresses, kernel

@@ -35,10 +35,14 @@ from mems_impact.integrators.jit.numba_support import (
 )
 
 _compilation_lock = threading.Lock()  # simultaneous threads compile a loop only once
+_engine_at = record_at(from_dtype(ENGINE))
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return `function`, written over `integrators.interface`, compiled; it releases the GIL."""
+    """Return `function`, written over `integrators.interface`, compiled; it releases the GIL.
+
+    The result takes the address of the engine in its place.
+    """
     with _compilation_lock:
         return _compiled(function)
 
@@ -47,7 +51,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     snapshot = take_snapshot(function)
     (frozen,) = snapshot.frozen()
-    return compile_loop(frozen, snapshot.name if snapshot.lasting else None)
+    return compile_loop(frozen, snapshot.name if snapshot.lasting else None, _engine_at)
 
 
 mark_overloaded(
@@ -94,7 +98,6 @@ mark_overloaded(
 )
 _call_advance = caller(types.int64(types.int64, types.int64, types.int64))
 TANGENTS: dict[str, Any] = {"jit_options": {**FOR_C, **INNER}, "strict": False}
-_engine_at = record_at(from_dtype(ENGINE))
 
 
 @overload(recurrence.observe, jit_options={**JIT, **INNER})
@@ -188,14 +191,14 @@ def _is_work(kind: Any) -> bool:
     return isinstance(kind, types.Record) and "observe" in kind.fields
 
 
-def address_of_loop(handle: Any, clock: Any) -> int:
-    """Return the address of the compiled event loop for the types of two records.
+def address_of_loop(clock: Any) -> int:
+    """Return the address of the compiled event loop for the type of a clock.
 
     The driver is a C function of two addresses and the quota, which callers can use without
     recompilation.
     """
     entry: Any = compiled(loop.run_steps)
-    kinds = typeof(handle), typeof(clock), types.int64
+    kinds = types.int64, typeof(clock), types.int64
     with _compilation_lock:
         entry.compile(kinds)
     result = entry.overloads[kinds]

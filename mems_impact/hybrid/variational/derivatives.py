@@ -163,10 +163,8 @@ class Variational:
             If the engine fails or exceeds the budget of steps.
         """
         count, n, m = len(segments), self.n, self.m
-        codes = np.zeros((count, 3), dtype=np.int64)
-        codes[:, :2] = segments
-        y = np.tile(self._start, (count, 1))
-        y[:, :n] = states
+        codes, y = np.zeros((count, 3), dtype=np.int64), np.empty((count, self._size))
+        codes[:, :2], y[:], y[:, :n] = segments, self._start, states
         workspace = self._variational.with_rows(count)
         batch = SegmentBatch(
             variational=workspace,
@@ -188,10 +186,7 @@ class Variational:
                 "magnitudes of states far from one: System(typical=)",
             )
         columns, first_direction = y.reshape(count, -1, n), 1 + len(self.free)
-        no_event = codes[:, 1] == NO_EVENT
-        batch.after[no_event] = y[no_event, :n]
-        workspace.margin[no_event], workspace.jump[no_event] = 0.0, 0.0
-        workspace.jump[no_event, :, 1 : n + 1] = np.eye(n)
+        margin, jump, margins = workspace.margin, workspace.jump, batch.margins
         arcs = Arc(
             end=columns[:, 0],
             by_state=columns[:, 1:first_direction].transpose(0, 2, 1),
@@ -201,19 +196,19 @@ class Variational:
             minima=workspace.minima[:, 0],
             minima_time=workspace.minima[:, 1],
             touches=workspace.touches.reshape(count, m, -1, n),
-            margins=batch.margins[:, :, :m],
-            rates=batch.margins[:, :, m:],
+            margins=margins[:, :, :m],
+            rates=margins[:, :, m:],
         )
         events = Event(
             after=batch.after,
-            margins=workspace.margin[:, :m, 0],
-            rates=workspace.margin[:, m:, 0],
-            margin_by_state=workspace.margin[:, :, 1 : n + 1],
-            margin_by_time=workspace.margin[:, :, n + 1],
-            margin_by_parameter=workspace.margin[:, :, n + 2 :],
-            jump_by_state=workspace.jump[:, :, 1 : n + 1],
-            jump_by_time=workspace.jump[:, :, n + 1],
-            jump_by_parameter=workspace.jump[:, :, n + 2 :],
+            margins=margin[:, :m, 0],
+            rates=margin[:, m:, 0],
+            margin_by_state=margin[:, :, 1 : n + 1],
+            margin_by_time=margin[:, :, n + 1],
+            margin_by_parameter=margin[:, :, n + 2 :],
+            jump_by_state=jump[:, :, 1 : n + 1],
+            jump_by_time=jump[:, :, n + 1],
+            jump_by_parameter=jump[:, :, n + 2 :],
             mode=codes[:, 2].tolist(),
         )
         return arcs, events

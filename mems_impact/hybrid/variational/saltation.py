@@ -205,12 +205,22 @@ def propagate_segments(engine: Any, block: Any, batch: Any) -> int:
         for c in range(n):
             batch.slopes[i, 1, c] = slope[c]
         interface.margins(engine, mode, batch.times[i, 2], y, batch.margins[i, 1])
+        for c in range(n):
+            batch.after[i, c] = y[c]
         if code != NO_EVENT:
             differentiate_event(engine, mode, code, end, y, workspace, i)
-            for c in range(n):
-                batch.after[i, c] = y[c]
             batch.segments[i, 2] = interface.transition(engine, mode, code, end, batch.after[i])
+        else:
+            leave_unchanged(workspace, i)
     return -1
+
+
+def leave_unchanged(workspace: Any, row: int) -> None:
+    """Write the derivatives without an event into `row` of margin and jump of the workspace."""
+    for values in (workspace.margin[row], workspace.jump[row]):
+        values[:] = 0.0
+    for i in range(workspace.n):
+        workspace.jump[row, i, 1 + i] = 1.0
 
 
 def project(engine: Any, mode: int, t: float, y: Any, workspace: Any, row: int) -> None:

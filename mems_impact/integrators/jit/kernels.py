@@ -389,10 +389,8 @@ class CompiledEngine(SingleMethodEngine):
     ----------
     handle : record
         All fields.
-    head : record
-        Those of every engine, for the event loop; the same memory.
     address : int
-        Of the record.
+        Of the record, whose first fields the event loop uses.
     memory : float array
         The arrays whose addresses are in the record.
     """
@@ -419,7 +417,6 @@ class CompiledEngine(SingleMethodEngine):
         self.address = handles.ctypes.data
         # A record that keeps the arrays alive. Access by item is ten times as fast as by attribute.
         self.handle = handle = handles[0]
-        self.head = np.ndarray(1, dtype=ENGINE, buffer=handles)[0]
         self._functions = functions
         for name, function in functions.items():
             handle[name] = function.address

@@ -327,17 +327,21 @@ def compile_callback(
     return compiled
 
 
-def compile_loop(function: Callable[..., Any], name: str | None) -> Callable[..., Any]:
+def compile_loop(
+    function: Callable[..., Any], name: str | None, engine_at: Any
+) -> Callable[..., Any]:
     """Compile `function` for the types of its arguments at the first call; it releases the GIL.
 
-    Parameters are as in `compile_callback`.
+    The first argument of the result is an address, which `engine_at` converts to an engine: numba
+    takes 2 us to find the type of a record. Other parameters are as in `compile_callback`.
     """
     # numba compiles a function for each set of options of its callers; with an inner function all
     # callers have the same options.
-    space = {"inner": njit(**JIT, **INNER)(function)}
+    space = {"inner": njit(**JIT, **INNER)(function), "engine_at": engine_at}
     # With named arguments, since a C function cannot take a tuple.
-    names = ", ".join(inspect.signature(function).parameters)
-    exec(compile(f"def entry({names}):\n    return inner({names})", __file__, "exec"), space)
+    first, *others = inspect.signature(function).parameters
+    names, given = ", ".join([first, *others]), ", ".join([f"engine_at({first})", *others])
+    exec(compile(f"def entry({names}):\n    return inner({given})", __file__, "exec"), space)
     entry: Any = space["entry"]
     entry.__qualname__ = function.__qualname__
     entry.__module__ = __name__
