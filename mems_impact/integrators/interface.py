@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["Equations", "SingleMethodEngine"]
+__all__ = ["COLUMN_WEIGHT", "Equations", "SingleMethodEngine"]
 
 # --- Functions of an engine
 
@@ -155,6 +155,12 @@ def transition(engine: Any, mode: int, code: int, t: float, y: Any) -> int:
 
 # --- Equations
 
+# A step is as long as the error of the state and the error of each column, times this weight,
+# allow. The norms are those of a state; the absolute tolerance of a column grows with its size, the
+# largest component if that is above 1. On the paper's orbit, and wherever columns follow the state,
+# the state limits the steps; where columns vary faster, their errors are ten tolerances.
+COLUMN_WEIGHT = 0.1
+
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
@@ -180,7 +186,8 @@ class Equations:
     jacobian_memory : int, optional
         Length of its scratch.
     columns : int, optional
-        Number of components at the end of the state that `flow` only takes: perturbations.
+        Number of components at the end of the state that `flow` only takes: perturbations, each a
+        column with the length of the state without them.
     """
 
     flow: Callable[..., Any]

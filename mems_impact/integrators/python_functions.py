@@ -105,7 +105,7 @@ class Functions(SingleMethodEngine):
         self._flow, self._margins = equations.flow, equations.margins
         self._transition = equations.transition
         self.n, self.m = equations.n, equations.m
-        self._states = equations.n - equations.columns
+        self.states = equations.n - equations.columns
         self.parameters: list[float] = np.asarray(equations.parameters, dtype=float).tolist()
         self.bias = np.zeros(2 * equations.m)
         self.approach_search = 1
@@ -146,7 +146,7 @@ class Functions(SingleMethodEngine):
         m = self.m
         g, r = [1.0] * m, [1.0] * m
         try:
-            self._margins(int(mode), float(t), scalars(y, self._states), self.parameters, g, r)
+            self._margins(int(mode), float(t), scalars(y, self.states), self.parameters, g, r)
             out[: 2 * m] = _real(g) + _real(r)
         except _DOMAIN:
             out[: 2 * m] = [math.nan] * (2 * m)
@@ -156,7 +156,7 @@ class Functions(SingleMethodEngine):
 
     def transition(self, mode: int, code: int, t: float, y: Any) -> int:
         """Apply the transition `code`, changing `y` in place; return the new mode."""
-        state = scalars(y, self._states)
+        state = scalars(y, self.states)
         try:
             mode, new_state = apply_transition(
                 self._transition, mode, code, t, state, self.parameters
@@ -164,5 +164,5 @@ class Functions(SingleMethodEngine):
         except Exception as error:
             self.record_fault(error, TRANSITION, mode, code, t, y)
             return NO_MODE
-        y[: self._states] = new_state
+        y[: self.states] = new_state
         return mode

@@ -60,6 +60,23 @@ def test_columns_of_the_linear_oscillator_are_its_matrix_exponential(engine):
     np.testing.assert_allclose(arc.slope_start, slope, atol=1e-14)
 
 
+@pytest.mark.quick(4)
+@pytest.mark.parametrize(
+    ("method", "engine"),
+    [(method, "compiled") for method in ("dop853", "adams", "bdf", "auto")]
+    + [(method, "interpreted") for method in ("dop853", "adams")],
+)
+def test_columns_that_vary_faster_than_the_state(method, engine):
+    """At rest any step has no error; the perturbations oscillate 48 times."""
+    c, k, length = 0.1, 2500.0, 6.0
+    default = {"rtol": Options().rtol, "atol": Options().atol}
+    at_rest = stop_problem(c, k, 0.0, method=method, engine=engine, **default)
+    arc = Variational(at_rest, np.eye(7)[[K]]).arc(0, np.zeros(2), 0.0, length)
+    exact = expm(np.array([[0.0, 1.0], [-k, -c]]) * length)
+    np.testing.assert_array_equal(arc.end, 0.0)
+    np.testing.assert_allclose(arc.by_state, exact, rtol=0.0, atol=2e-5 * math.sqrt(k))
+
+
 def test_an_arc_goes_where_the_guards_would_stop_a_run():
     arc = Variational(stop_problem(amplitude=3.0), np.zeros((1, 7))).arc(
         0, np.array([0.9, 1.0]), 0.0, 1.0

@@ -29,7 +29,7 @@ from numba import from_dtype, types
 from mems_impact.errors import EngineUnavailable
 from mems_impact.integrators import interface
 from mems_impact.integrators.cvode.interpreted import first_step, scaled_tolerances
-from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.interface import COLUMN_WEIGHT, Equations
 from mems_impact.integrators.jit.closures import sources, take_snapshot
 from mems_impact.integrators.jit.kernels import (
     ENGINE_FIELDS,
@@ -78,6 +78,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "CVodeInit": (_int, (_ptr, _ptr, _real, _ptr)),
     "CVodeReInit": (_int, (_ptr, _real, _ptr)),
     "CVodeSStolerances": (_int, (_ptr, _real, _real)),
+    "CVodeWFtolerances": (_int, (_ptr, _ptr)),
     "CVodeSetUserData": (_int, (_ptr, _ptr)),
     "CVodeSetNonlinearSolver": (_int, (_ptr, _ptr)),
     "CVodeSetLinearSolver": (_int, (_ptr, _ptr, _ptr)),
@@ -205,6 +206,7 @@ _data = symbol("N_VGetArrayPointer_Serial")
 _matrix_data = symbol("SUNDenseMatrix_Data")
 
 CALLBACK = types.int32(types.float64, types.intp, types.intp, types.intp)
+WEIGHTS_CALLBACK = types.int32(*[types.intp] * 3)
 JACOBIAN_CALLBACK = types.int32(types.float64, *[types.intp] * 7)
 
 # User data of CVODE's callbacks.
@@ -280,6 +282,32 @@ def callbacks() -> Callbacks:
 
     name = sources()
     return Callbacks(compile_callback(rhs, CALLBACK, name), compile_callback(roots, CALLBACK, name))
+
+
+@cache
+def weights_callback() -> Any:
+    """Compile the callback for the weights of errors of state and columns.
+
+    CVODE's norm is the root of the mean square over all components.
+    """
+    load()
+
+    def weights(y, out, user):  # type: ignore[no-untyped-def]
+        handle = _handle(user)
+        n, states = handle.n, handle.states
+        values, errors = pointer(_data(y)), pointer(_data(out))
+        factor = math.sqrt(n / states)
+        for first in range(0, n, states):
+            size = 1.0
+            if first > 0:
+                for i in range(first, first + states):
+                    size = max(size, abs(values[i]))
+            for i in range(first, first + states):
+                errors[i] = factor / (handle.rtol * abs(values[i]) + handle.atol * size)
+            factor = COLUMN_WEIGHT * math.sqrt(n / states)
+        return 0
+
+    return compile_callback(weights, WEIGHTS_CALLBACK, sources())
 
 
 @cache
@@ -361,7 +389,8 @@ def _sharpen(engine: Any, share: float, flight_time: float) -> None:
     if share < 1.0 or engine.share < 1.0:
         rtol, atol = scaled_tolerances(engine.rtol, engine.atol, share)
         engine.share = share
-        _set_tolerances(engine.cvode, rtol, atol)
+        if engine.states == engine.n:
+            _set_tolerances(engine.cvode, rtol, atol)
         _set_first_step(engine.cvode, first_step(engine.max_step, rtol, flight_time))
 
 
@@ -373,7 +402,8 @@ def _lengthen(engine: Any, longest: float) -> None:
 def _reset(engine: Any, max_step: float) -> None:
     engine.max_step = max_step
     engine.share = 1.0
-    _set_tolerances(engine.cvode, engine.rtol, engine.atol)
+    if engine.states == engine.n:
+        _set_tolerances(engine.cvode, engine.rtol, engine.atol)
     _lengthen(engine, max_step)
     _set_first_step(engine.cvode, first_step(max_step, engine.rtol, math.inf))
 
@@ -427,7 +457,11 @@ class CompiledCvode(CompiledEngine):
         self._finalizer = weakref.finalize(self, objects.free)
 
         _check_flag(sun.CVodeInit(memory, self._callbacks.rhs.address, 0.0, vector), "CVodeInit")
-        _check_flag(sun.CVodeSStolerances(memory, options.rtol, options.atol), "CVodeSStolerances")
+        flag = sun.CVodeSStolerances(memory, options.rtol, options.atol)
+        _check_flag(flag, "CVodeSStolerances")
+        if equations.columns:
+            flag = sun.CVodeWFtolerances(memory, weights_callback().address)
+            _check_flag(flag, "CVodeWFtolerances")
         handle["rtol"], handle["atol"] = options.rtol, options.atol
         handle["share"], handle["max_step"], handle["longest"] = 1.0, max_step, max_step
         _check_flag(sun.CVodeSetUserData(memory, self.address), "CVodeSetUserData")

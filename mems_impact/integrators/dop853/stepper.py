@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from mems_impact.integrators import interface
+from mems_impact.integrators.interface import COLUMN_WEIGHT
 
 # --- Coefficients of Dormand and Prince's method of order 8 with dense output of order 7
 
@@ -168,7 +169,8 @@ SPARE = 7  # two rows: root functions of the root search; state of a stage of th
 # Rows of the candidates of the root search: function, sign and bias; values at the ends of the
 # bracket, at its former end, and at the next point.
 INDEX, SIGN, BIAS, NEAR, FAR, LAST, TRIAL = range(9, 16)
-ROWS = 16
+FLOOR = 16  # absolute tolerances
+ROWS = 17
 
 
 def row(engine: Any, i: int) -> Any:
@@ -209,13 +211,11 @@ def records_approaches(engine: Any, i: int) -> bool:
 def stages(engine: Any, t: float, h: float) -> float:
     """Evaluate slopes 1 to 11 and END of a step from (t, START); return its error in tolerances.
 
-    Slope 0 must be known. The error estimate of DOP853 is of order 7: it combines two
-    embedded methods, of orders 5 and 3. It is not finite if a slope is not.
+    Slope 0 must be known.
     """
-    n, mode, limit = engine.n, engine.mode, engine.last_instant
-    rtol, atol = engine.rtol, engine.atol
+    mode, limit, rtol = engine.mode, engine.last_instant, engine.rtol
     y, slope = grouped(engine, ARGUMENT), grouped(engine, SLOPE)
-    start, end = grouped(engine, START), grouped(engine, END)
+    start, end, floor = grouped(engine, START), grouped(engine, END), grouped(engine, FLOOR)
     # fmt: off
     (a0,) = A[1]
     for j in range(groups(engine)):
@@ -303,7 +303,7 @@ def stages(engine: Any, t: float, h: float) -> float:
             + b11 * k[11]
         )
         end[j] = start[j] + h * mean
-        scale = atol + rtol * max(abs(start[j]), abs(end[j]))
+        scale = floor[j] + rtol * max(abs(start[j]), abs(end[j]))
         k[DIFFERENCE_5] = (
             e0 * k[0] + e5 * k[5] + e6 * k[6] + e7 * k[7] + e8 * k[8] + e9 * k[9] + e10 * k[10]
             + e11 * k[11]
@@ -312,14 +312,29 @@ def stages(engine: Any, t: float, h: float) -> float:
         # Slopes without a weight in the error estimate.
         k[PROBE] = k[1] + k[2] + k[3] + k[4]
     # fmt: on
+    error = error_of(engine, 0, h)
+    first = engine.states
+    while first < engine.n:
+        of_column = COLUMN_WEIGHT * error_of(engine, first, h)
+        error = (of_column if of_column > error else error) + 0.0 * of_column
+        first += engine.states
+    return error
+
+
+def error_of(engine: Any, first: int, h: float) -> float:
+    """Return the error of state or column from component `first` on, in tolerances.
+
+    The error estimate of DOP853 is of order 7: it combines two embedded methods, of orders 5 and 3.
+    It is not finite if a slope is not.
+    """
     error_5, error_3, probe = 0.0, 0.0, 0.0
-    for j in range(n):
+    for j in range(first, first + engine.states):
         k = component(engine, j)
         error_5 += k[DIFFERENCE_5] * k[DIFFERENCE_5]
         error_3 += k[DIFFERENCE_3] * k[DIFFERENCE_3]
         probe += k[PROBE]
     total = max(error_5 + 0.01 * error_3, SMALLEST_TOTAL)
-    return abs(h) * error_5 / math.sqrt(n * total) + 0.0 * probe
+    return abs(h) * error_5 / math.sqrt(engine.states * total) + 0.0 * probe
 
 
 def dense(engine: Any, t: float, h: float) -> None:
@@ -647,6 +662,7 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
         row(engine, START)[j] = y[j]
         row(engine, END)[j] = y[j]
         row(engine, STATE)[j] = y[j]
+        row(engine, FLOOR)[j] = engine.atol
     engine.mode = mode
     engine.t = t
     engine.t_start = t
@@ -695,7 +711,7 @@ def first_step(engine: Any) -> float:
     The first step must not depend on the previous arc, so that a run can be resumed at any of its
     events.
     """
-    n = engine.n
+    n = engine.states
     y, ahead, changed = row(engine, END), row(engine, ARGUMENT), row(engine, SLOPE)
     size, speed = 0.0, 0.0
     for j in range(n):
@@ -706,7 +722,7 @@ def first_step(engine: Any) -> float:
     # A state within the tolerance of zero, or a tiny slope, defines no time scale.
     scaled = size > 1.0 and speed > 1e-10
     h = min(0.01 * math.sqrt(size / speed) if scaled else 1e-3 * engine.max_step, longest)
-    for j in range(n):
+    for j in range(engine.n):
         ahead[j] = y[j] + h * component(engine, j)[12]
     interface.flow(engine, engine.mode, min(engine.t + h, engine.last_instant), ahead, changed)
     bend = 0.0
@@ -733,6 +749,7 @@ def take_step(engine: Any) -> int:
     for j in range(engine.n):
         start[j] = end[j]
         component(engine, j)[0] = component(engine, j)[12]
+    scale_columns(engine)
     engine.has_dense = 0
     t = engine.t_end
     smallest = 4.0 * ULP * max(abs(t), engine.max_step)
@@ -774,6 +791,18 @@ def take_step(engine: Any) -> int:
     engine.h_next = max(longer, planned) if h < planned else longer
     check_stability(engine, h)
     return interface.STEPPED
+
+
+def scale_columns(engine: Any) -> None:
+    """Set the absolute tolerances of columns, which are relative to long columns."""
+    start, floor, first = row(engine, START), row(engine, FLOOR), engine.states
+    while first < engine.n:
+        size = 1.0
+        for j in range(first, first + engine.states):
+            size = max(size, abs(start[j]))
+        for j in range(first, first + engine.states):
+            floor[j] = engine.atol * size
+        first += engine.states
 
 
 def check_stability(engine: Any, h: float) -> None:
