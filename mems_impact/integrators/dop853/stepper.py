@@ -339,7 +339,7 @@ def error_of(engine: Any, first: int, h: float) -> float:
 
 def dense(engine: Any, t: float, h: float) -> None:
     """Compute the coefficients of the dense output of the step from `t`, with three more stages."""
-    n, mode, limit = engine.n, engine.mode, engine.last_instant
+    mode, limit = engine.mode, engine.last_instant
     y, slope = grouped(engine, SPARE), grouped(engine, SLOPE)
     start, end = grouped(engine, START), grouped(engine, END)
     # fmt: off
