@@ -24,6 +24,7 @@ from mems_impact.export.c_source import (
     Expression,
     FunctionWriter,
     Record,
+    Tuple,
 )
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop import flights, loop, workspace
@@ -68,6 +69,13 @@ from mems_impact.hybrid.event_loop.workspace import (
 )
 from mems_impact.integrators import interface
 from mems_impact.integrators.dop853 import stepper
+from mems_impact.integrators.dual_numbers import (
+    after,
+    along,
+    by_differences,
+    with_rate,
+    with_rates,
+)
 
 __all__ = ["ENGINE", "LOOP", "ROOTS", "event_loop_source", "record_structure"]
 
@@ -284,10 +292,42 @@ def _function(function: Any) -> Any:
     return handler
 
 
+RATED = Tuple((REAL, REAL), ("value", "rate"))
+
+
+def _with_rate(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+    return Expression(RATED, "", tuple(map(writer.runtime, arguments)))
+
+
+def _with_rates(_writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+    kinds = tuple(each.kind for each in arguments)
+    return Expression(Tuple(kinds, ("values", "rates", "memory")), "", tuple(arguments))
+
+
+def _after(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+    given, time = arguments
+    items = [writer.item(given, i) for i in range(len(given.kind.items))]
+    if given.kind == RATED:
+        value, rate = (each.code for each in items)
+        return Expression(REAL, f"({value} + {time.code} * {rate})")
+    if isinstance(items[0].kind, Tuple):
+        moved = tuple(_after(writer, (each, time)) for each in items)
+        return Expression(Tuple((REAL,) * len(moved), given.kind.names), "", moved)
+    values, rates, memory = (each.code for each in items)
+    for k in range(items[0].kind.length):
+        writer.emit(f"{memory}[{k}] = {values}[{k}] + {time.code} * {rates}[{k}];")
+    return Expression(items[0].kind, memory)
+
+
 HEAD = workspace.HEAD
 ROW = _code("({0}->rows + {0}->width * ({1}))", Array())
 COMPONENT = _code(f"({{0}}->components + {stepper.ENGINE_NUMBERS} * ({{1}}))", Array())
 HANDLERS: dict[Any, Any] = {
+    # Rates are differences in C, whose numbers have no tangents.
+    along: _function(by_differences),
+    after: _after,
+    with_rate: _with_rate,
+    with_rates: _with_rates,
     workspace.table_row: _code("({0}->table + {0}->width * ({1}))", Array()),
     workspace.event_at: _code(f"({{0}}->events + ({HEAD} + 2 * {{0}}->n) * ({{1}}))", Array()),
     workspace.sample_at: _code("({0}->samples + (3 + {0}->n) * ({1}))", Array()),

@@ -50,7 +50,7 @@ class Guard:
         Modes in which the guard is active; all by default.
     rate : callable, optional
         ``rate(mode, t, y, p)`` returns the time derivative of the margin along the flow. By default
-        the rate is computed by differences (see `mems_impact.hybrid.definition`).
+        the rate is an exact derivative (see `mems_impact.hybrid.definition`).
     order : int, optional
         Simultaneous guards are handled in ascending order; by default impacts come first, then the
         other guards in the order of the list.

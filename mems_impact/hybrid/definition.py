@@ -19,10 +19,9 @@ the state as an array, and transitions have an output array too, which initially
 
 Rates of margins
 ----------------
-A margin without a rate is differentiated along the flow: on the straight line through (t, y) in the
-direction (1, flow), by central differences of sixth order with a step of 1e-3 of the period (or of
-``time_scale``). The line is tangent to the trajectory, so that the rate of a margin linear in state
-and time is exact to rounding; otherwise the error is that of a sixth-order difference.
+The rate of a margin is its derivative in the direction (1, flow), by numbers with tangents. A
+margin that does not take such numbers is differentiated along this direction by central differences
+of sixth order with a step of 1e-3 of the period (or of ``time_scale``).
 
 Time
 ----
@@ -50,10 +49,10 @@ from typing import Any
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid import constraints
 from mems_impact.hybrid.automaton import GENERATED, Automaton, Guard
-from mems_impact.hybrid.differences import weight_of
 from mems_impact.hybrid.event_loop.workspace import ENDS, NO_REST
 from mems_impact.hybrid.pickling import portable
 from mems_impact.hybrid.time_dependence import Argument, reads_time
+from mems_impact.integrators.dual_numbers import along, with_rate, with_rates
 
 __all__ = [
     "GENERATED",
@@ -199,7 +198,7 @@ def resolve_order(guards: Sequence[Guard]) -> tuple[Guard, ...]:
 
 def hidden_parameters(definition: Definition) -> int:
     """Return the number of values after the parameters: step of rates, time base, and scratch."""
-    return SCRATCH + (2 * len(definition.states) if writes_into_arrays(definition.flow) else 0)
+    return SCRATCH + (3 * len(definition.states) if writes_into_arrays(definition.flow) else 0)
 
 
 def writes_into_arrays(flow: Callable[..., Any]) -> bool:
@@ -242,6 +241,9 @@ class _CodeWriter:
         self.space: dict[str, Any] = {
             "__name__": __name__,
             "nan": math.nan,
+            "along": along,
+            "with_rate": with_rate,
+            "with_rates": with_rates,
             "flow_of": definition.flow,
             "Parameters": named_tuple("Parameters", definition.parameters),
         }
@@ -282,38 +284,31 @@ class _CodeWriter:
         return function("flow(mode, t, y, p, dy)", lines)
 
     def margins(self) -> str:
-        lines = self.head()
-        state = "y" if self.by_array else "s"
-        if any(guard.rate is None for guard in self.guards):
-            lines.append(f"h = p[{self.count}]")
-            lines += self.slope()
+        lines = [*self.head(), *self.motion()] if self.guards else ["pass"]
         for i, guard in enumerate(self.guards):
             assert guard.margin is not None
             self.space[f"margin_{i}"] = guard.margin
             time = self.time(guard.margin, forcing=moves(guard))
             if time != "t":
                 self.timed.append(i)
-            block = [f"g[{i}] = margin_{i}(mode, {time}, {state}, q)"]
-            if guard.rate is None:
-                block += self.difference(i, time)
-            else:
-                self.space[f"rate_{i}"] = guard.rate
-                time = self.time(guard.rate, forcing=moves(guard))
-                block.append(f"r[{i}] = rate_{i}(mode, {time}, {state}, q)")
-            lines += in_modes(guard.modes, block)
-        return function("margins(mode, t, y, p, g, r)", lines or ["pass"])
+            now = f"with_rate({time}, 1.0)"
+            call = f"along(margin_{i}, p[{self.count}], mode, {now}, moving, q)"
+            lines += in_modes(guard.modes, [f"g[{i}], r[{i}] = {call}"])
+        return function("margins(mode, t, y, p, g, r)", lines)
 
-    def slope(self) -> list[str]:
-        """Return the lines that write the flow into `d`, and name `x`, scratch for a state."""
+    def motion(self) -> list[str]:
+        """Return the lines that construct the state with its rates, the flow."""
         time = self.time(self.definition.flow, forcing=True)
         if not self.by_array:
-            return [f"d = flow_of(mode, {time}, s, q)"]
-        start = self.count + SCRATCH
+            state = ", ".join(f"with_rate(y[{k}], d[{k}])" for k in range(self.n))
+            return [f"d = flow_of(mode, {time}, s, q)", f"moving = State({state})"]
+        memory = self.count + SCRATCH
+        start = memory + 2 * self.n
         return [
             f"d = p[{start}:{start + self.n}]",
-            f"x = p[{start + self.n}:{start + 2 * self.n}]",
             *self.blank("d"),
             f"flow_of(mode, {time}, y, q, d)",
+            f"moving = with_rates(y, d, p[{memory}:{start}])",
         ]
 
     def blank(self, name: str) -> list[str]:
@@ -323,26 +318,6 @@ class _CodeWriter:
     def each(self, name: str) -> str:
         """Return the elements of an array as the target of a tuple assignment."""
         return "".join(f"{name}[{i}], " for i in range(self.n))
-
-    def difference(self, i: int, time: str) -> list[str]:
-        """Return the lines that compute the rate of margin `i`, at a time, by differences."""
-        # A loop, in which the margin is compiled once instead of six times.
-        if self.by_array:
-            shift = [f"for k in range({self.n}):", "    x[k] = y[k] + moved * d[k]"]
-            state = "x"
-        else:
-            shift = []
-            state = f"State({', '.join(f'y[{k}] + moved * d[{k}]' for k in range(self.n))})"
-        first, second, third = (weight_of(place) for place in (1, 2, 3))
-        point = [
-            "size = 1 + point // 2",
-            "sign = 1.0 - 2.0 * (point % 2)",
-            "moved = sign * size * h",
-            *shift,
-            f"weight = {first!r} if size == 1 else ({second!r} if size == 2 else {third!r})",
-            f"r[{i}] += sign * weight * margin_{i}(mode, {time} + moved, {state}, q)",
-        ]
-        return [f"r[{i}] = 0.0", "for point in range(6):", *indented(point), f"r[{i}] /= h"]
 
     def transition(self) -> str:
         lines = self.head()

@@ -19,8 +19,7 @@ from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.variational.derivatives import free_components
-from mems_impact.hybrid.variational.tangents import copy_for_tangents
-from mems_impact.integrators.dual_numbers import derivatives
+from mems_impact.integrators.dual_numbers import copy_for_tangents, derivatives
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
 from mems_impact.orbits.spectrum import eigenvalues_stable

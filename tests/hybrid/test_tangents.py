@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.hybrid.variational.tangents import copy_for_tangents
-from mems_impact.integrators.dual_numbers import Dual, plain
+from mems_impact.integrators.dual_numbers import Dual, copy_for_tangents, plain
 from mems_impact.integrators.jit.closures import Copier
 from validation.campaign import automata
 from validation.campaign.comparing import ONE

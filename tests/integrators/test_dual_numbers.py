@@ -9,12 +9,11 @@ from numba import njit
 
 import mems_impact as mi
 from mems_impact.hybrid.variational.tangents import (
-    copy_for_tangents,
     flow_jacobian,
     jacobian_memory,
 )
 from mems_impact.integrators.derivatives import UNARY
-from mems_impact.integrators.dual_numbers import FUNCTIONS, Dual, plain
+from mems_impact.integrators.dual_numbers import FUNCTIONS, Dual, copy_for_tangents, plain
 from mems_impact.integrators.jit.closures import take_snapshot
 from mems_impact.integrators.jit.dual_numbers import vector_at
 from mems_impact.integrators.jit.numba_support import JIT

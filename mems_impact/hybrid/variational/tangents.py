@@ -11,7 +11,6 @@ time, the state (n), the parameters (count), the results (size).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -19,13 +18,11 @@ from typing import Any, NamedTuple
 
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.differences import weight_of
-from mems_impact.integrators import library
-from mems_impact.integrators.dual_numbers import FUNCTIONS, DualVector
+from mems_impact.integrators.dual_numbers import DualVector, copy_for_tangents
 
 __all__ = [
     "STEP",
     "Sizes",
-    "copy_for_tangents",
     "differences_reason",
     "differentiated",
     "event_sizes",
@@ -249,18 +246,3 @@ def evaluate(
         note_refusal(reason, function, owner)
         return
     by_differences(mode, code, p, memory, start)
-
-
-SUBSTITUTES = {
-    **library.FUNCTIONS,
-    **FUNCTIONS,
-    **{each: library.FUNCTIONS[each] for each in (math.hypot, math.log)},  # of further arguments
-}
-
-
-@cache
-def copy_for_tangents(function: Any) -> Any:
-    """Return a copy of a function that takes interpreted numbers with tangents."""
-    from mems_impact.integrators.jit.closures import Copier
-
-    return Copier(SUBSTITUTES, of_library=FUNCTIONS, compiles=False).function(function)

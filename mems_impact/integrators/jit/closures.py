@@ -112,14 +112,16 @@ _Reads = list[tuple[Callable[[str], Any], str, Any]]
 # The last snapshot of some functions, with its distinct dependencies as three columns, which every
 # run of a compiled engine compares without a Python loop.
 _Columns = tuple[tuple[Callable[[str], Any], ...], tuple[str, ...], tuple[Any, ...]]
-_snapshots: dict[tuple[Callable[..., Any], ...], tuple[Snapshot, _Columns]] = {}
+_snapshots: dict[tuple[Callable[..., Any], ...], tuple[Snapshot, _Columns, bool]] = {}
 
 
-def take_snapshot(*functions: Callable[..., Any]) -> Snapshot:
-    """Take a snapshot of `functions`."""
+def take_snapshot(*functions: Callable[..., Any], contents: bool = True) -> Snapshot:
+    """Take a snapshot of `functions`; without `contents`, those of lists and arrays may differ."""
     if functions in _snapshots:
-        snapshot, (getters, names, values) = _snapshots[functions]
-        if all(map(operator.is_, map(operator.call, getters, names), values)):
+        snapshot, (getters, names, values), mutable = _snapshots[functions]
+        if not (mutable and contents) and all(
+            map(operator.is_, map(operator.call, getters, names), values)
+        ):
             return snapshot
     reader = _Reader()
     reader.put(sources())
@@ -128,10 +130,10 @@ def take_snapshot(*functions: Callable[..., Any]) -> Snapshot:
         assert isinstance(function, FunctionType), function
         reader.value(function)
     snapshot = Snapshot(reader.name(), not reader.objects, originals, tuple(reader.objects))
-    if not reader.arrays:  # whose contents may change in place
-        unique_reads = {(get, name): value for get, name, value in reader.reads}
-        getters, names = zip(*unique_reads, strict=True) if unique_reads else ((), ())
-        _snapshots[functions] = snapshot, (getters, names, tuple(unique_reads.values()))
+    unique_reads = {(get, name): value for get, name, value in reader.reads}
+    getters, names = zip(*unique_reads, strict=True) if unique_reads else ((), ())
+    columns = getters, names, tuple(unique_reads.values())
+    _snapshots[functions] = snapshot, columns, reader.arrays  # contents change in place
     return snapshot
 
 

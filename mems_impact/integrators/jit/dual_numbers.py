@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, partial, reduce
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.imputils import lower_builtin, lower_cast
+from numba.core.registry import cpu_target
 from numba.core.typeconv import Conversion
 from numba.core.typing import signature
 from numba.core.typing.templates import AbstractTemplate, infer_global
@@ -35,9 +36,10 @@ from mems_impact.integrators.derivatives import (
     digamma_above_zero,
     of_numpy,
 )
+from mems_impact.integrators.dual_numbers import after, along, by_differences, with_rate, with_rates
 from mems_impact.integrators.jit import trigonometry
 from mems_impact.integrators.jit.integer_arithmetic import OF_REALS, end_where_undefined, multiplied
-from mems_impact.integrators.jit.numba_support import FOR_C, INNER, WORD
+from mems_impact.integrators.jit.numba_support import FOR_C, INNER, VECTOR, WORD, data, view
 
 __all__ = ["dual", "vector", "vector_at"]
 
@@ -49,19 +51,28 @@ _OPTIONS: dict[str, Any] = {"jit_options": {**FOR_C, **INNER}, "strict": False}
 
 
 class DualType(types.Type):
-    """The type of a number with `width` tangents."""
+    """The type of a number with `width` tangents.
 
-    def __init__(self, width: int) -> None:
-        self.width = width
-        super().__init__(f"Dual({width})")
+    Its value may be a dual number, too; it then has one tangent, which is a dual number.
+    """
+
+    def __init__(self, width: int, value: Any = types.float64) -> None:
+        self.width, self.value = width, value
+        self.slope = value if isinstance(value, DualType) else TangentsType(width)
+        super().__init__(f"Dual({width}, {value})")
+
+    @property
+    def inner(self) -> tuple[Any, ...]:
+        """The types of its value, of the value of this, and so on."""
+        return (self.value, *getattr(self.value, "inner", ()))
 
     def unify(self, _typing: Any, other: Any) -> Any:
         """Return the type of a variable that is a number on another path."""
-        return self if isinstance(other, NUMBER) else None
+        return self if isinstance(other, NUMBER) or other in self.inner else None
 
     def can_convert_from(self, _typing: Any, other: Any) -> Any:
         """Return the conversion from a type, or None."""
-        return Conversion.safe if isinstance(other, NUMBER) else None
+        return Conversion.safe if isinstance(other, NUMBER) or other in self.inner else None
 
 
 class TangentsType(types.Type):
@@ -73,14 +84,19 @@ class TangentsType(types.Type):
 
 
 class VectorType(types.Type):
-    """The type of a view of numbers with `width` tangents each."""
+    """The type of a view of dual numbers."""
 
-    def __init__(self, width: int) -> None:
-        self.width = width
-        super().__init__(f"DualVector({width})")
+    def __init__(self, kind: DualType) -> None:
+        self.kind = kind
+        super().__init__(f"DualVector({kind})")
 
 
-dual, vector = cache(DualType), cache(VectorType)
+dual = cache(DualType)
+
+
+def vector(width: int) -> VectorType:
+    """Return the type of a view of numbers with `width` tangents."""
+    return VectorType(dual(width))
 
 
 def _register(kind: Any, members: Callable[[Any], list[tuple[str, Any]]]) -> None:
@@ -97,69 +113,153 @@ class _TangentsModel(models.PrimitiveModel):
         super().__init__(manager, kind, ir.VectorType(DOUBLE, kind.width))
 
 
-_register(DualType, lambda kind: [("value", types.float64), ("slope", TangentsType(kind.width))])
+_register(DualType, lambda kind: [("value", kind.value), ("slope", kind.slope)])
 _register(VectorType, lambda _: [("address", types.int64), ("length", types.int64)])
 
-
-def _packed(context: Any, builder: Any, kind: Any, value: Any, slope: Any) -> Any:
-    result = cgutils.create_struct_proxy(kind)(context, builder)
-    result.value, result.slope = value, slope
-    return result._getvalue()
+# --- Numbers as parts: a double, a vector of tangents, or a pair of value and slope, each of parts;
+# None is zero
 
 
-def _parts(context: Any, builder: Any, kind: Any, number: Any) -> tuple[Any, Any]:
-    """Return value and tangents; None for the tangents of a plain number."""
+def _parts(context: Any, builder: Any, kind: Any, number: Any) -> Any:
+    """Return the parts of a number."""
     if isinstance(kind, DualType):
         struct = cgutils.create_struct_proxy(kind)(context, builder, value=number)
-        return struct.value, struct.slope
-    return context.cast(builder, number, kind, types.float64), None
+        pair = (kind.value, struct.value), (kind.slope, struct.slope)
+        return tuple(_parts(context, builder, *each) for each in pair)
+    return (
+        number
+        if isinstance(kind, TangentsType)
+        else context.cast(builder, number, kind, types.float64)
+    )
+
+
+def _lifted(context: Any, builder: Any, kind: Any, number: Any, to: Any) -> Any:
+    """Return the parts of a number as those of a type that holds it."""
+    if kind == to or not isinstance(to, DualType):
+        return _parts(context, builder, kind, number)
+    return _lifted(context, builder, kind, number, to.value), None
+
+
+def _packed(context: Any, builder: Any, kind: Any, parts: Any) -> Any:
+    """Return a number of its parts."""
+    if isinstance(kind, TangentsType):
+        return _zeros(kind.width) if parts is None else parts
+    if not isinstance(kind, DualType):
+        return ir.Constant(DOUBLE, 0.0) if parts is None else parts
+    result = cgutils.create_struct_proxy(kind)(context, builder)
+    value, slope = (None, None) if parts is None else parts
+    result.value = _packed(context, builder, kind.value, value)
+    result.slope = _packed(context, builder, kind.slope, slope)
+    return result._getvalue()
 
 
 def _zeros(width: int) -> Any:
     return ir.Constant(ir.VectorType(DOUBLE, width), [0.0] * width)
 
 
-def _times(builder: Any, width: int, factor: Any, slope: Any) -> Any:
-    """Return the product of a number and tangents, where there are any."""
-    if slope is None:
+def _innermost(parts: Any) -> Any:
+    """Return the value of a number."""
+    return _innermost(parts[0]) if isinstance(parts, tuple) else parts
+
+
+def _constant(value: float, like: Any) -> Any:
+    """Return a constant with the parts of another number."""
+    return (_constant(value, like[0]), None) if isinstance(like, tuple) else like.type(value)
+
+
+def _add(builder: Any, x: Any, y: Any) -> Any:
+    if x is None or y is None:
+        return y if x is None else x
+    if isinstance(x, tuple):
+        return tuple(map(partial(_add, builder), x, y))
+    return builder.fadd(x, y)
+
+
+def _negative(builder: Any, x: Any) -> Any:
+    if x is None or isinstance(x, tuple):
+        return x and tuple(map(partial(_negative, builder), x))
+    return builder.fneg(x)
+
+
+def _subtract(builder: Any, x: Any, y: Any) -> Any:
+    if x is None or y is None:
+        return x if y is None else _negative(builder, y)
+    if isinstance(x, tuple):
+        return tuple(map(partial(_subtract, builder), x, y))
+    return builder.fsub(x, y)
+
+
+def _multiply(builder: Any, x: Any, y: Any, tangent: bool = False) -> Any:
+    """Return a product; with `tangent`, a zero of the second factor stays zero."""
+    if x is None or y is None:
         return None
-    undefined = ir.Constant(ir.VectorType(DOUBLE, width), ir.Undefined)
-    first = builder.insert_element(undefined, factor, ir.Constant(ir.IntType(32), 0))
-    order = ir.Constant(ir.VectorType(ir.IntType(32), width), [0] * width)
-    return builder.fmul(builder.shuffle_vector(first, undefined, order), slope)
+    if isinstance(x, tuple):
+        terms = ((x[1], y[0]), (x[0], y[1]))
+        slope = _add(builder, *(_multiply(builder, *each, tangent) for each in terms))
+        return _multiply(builder, x[0], y[0], tangent), slope
+    x, y = _splat(builder, x, y.type), _splat(builder, y, x.type)
+    product = builder.fmul(x, y)
+    if not tangent:
+        return product
+    return builder.select(builder.fcmp_ordered("==", y, ir.Constant(y.type, None)), y, product)
 
 
-def _product(builder: Any, width: int, factor: Any, slope: Any) -> Any:
-    """Return this product; a tangent of zero stays zero if the factor is infinite."""
-    product = _times(builder, width, factor, slope)
-    return builder.select(builder.fcmp_ordered("==", slope, _zeros(width)), slope, product)
+def _splat(builder: Any, number: Any, kind: Any) -> Any:
+    """Return a double as a vector, if the other factor, of a type, is one."""
+    if number.type == kind or kind == DOUBLE:
+        return number
+    undefined = ir.Constant(kind, ir.Undefined)
+    first = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
+    order = ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
+    return builder.shuffle_vector(first, undefined, order)
 
 
-def _sum(builder: Any, one: Any, other: Any) -> Any:
-    if one is None or other is None:
-        return other if one is None else one
-    return builder.fadd(one, other)
+def _divide(builder: Any, x: Any, y: Any) -> Any:
+    if not isinstance(y, tuple):
+        return builder.fdiv(x, y)
+    quotient = _divide(builder, x[0], y[0])
+    inverse = _divide(builder, _constant(1.0, y[0]), y[0])
+    slope = _subtract(builder, x[1], _multiply(builder, quotient, y[1]))
+    return quotient, _multiply(builder, inverse, slope)
+
+
+def _select(builder: Any, condition: Any, x: Any, y: Any) -> Any:
+    if x is None and y is None:
+        return None
+    x, y = (_constant_zero(b) if a is None else a for a, b in ((x, y), (y, x)))
+    if isinstance(x, tuple):
+        return tuple(map(partial(_select, builder, condition), x, y))
+    return builder.select(condition, x, y)
+
+
+def _constant_zero(like: Any) -> Any:
+    return (
+        (_constant_zero(like[0]), None) if isinstance(like, tuple) else ir.Constant(like.type, None)
+    )
 
 
 @lower_cast(types.Float, DualType)
 @lower_cast(types.Integer, DualType)
 @lower_cast(types.Boolean, DualType)
+@lower_cast(DualType, DualType)
 def _of_number(context: Any, builder: Any, source: Any, kind: Any, number: Any) -> Any:
-    value = context.cast(builder, number, source, types.float64)
-    return _packed(context, builder, kind, value, _zeros(kind.width))
+    return _packed(context, builder, kind, _lifted(context, builder, source, number, kind))
 
 
 # --- Arithmetic
 
 Emit = Callable[..., Any]
-"""Code of an operation: of builder, width, and value and tangents of each operand."""
+"""Code of an operation: of builder, and the parts of each operand."""
 
 
 def _common(kinds: Sequence[Any]) -> Any:
     """Return the type of the dual numbers among numbers; None if there are none, or others."""
-    duals = {kind for kind in kinds if isinstance(kind, DualType)}
-    others = [kind for kind in kinds if not isinstance(kind, (DualType, *NUMBER))]
-    return duals.pop() if len(duals) == 1 and not others else None
+    duals = [kind for kind in kinds if isinstance(kind, DualType)]
+    outer = max(duals, key=lambda kind: len(kind.inner), default=None)
+    if outer is None:
+        return None
+    known = {outer, *outer.inner}
+    return outer if all(isinstance(kind, NUMBER) or kind in known for kind in kinds) else None
 
 
 def _operation(function: Any, count: int, emit: Emit, result: Any = None) -> None:
@@ -175,61 +275,38 @@ def _operation(function: Any, count: int, emit: Emit, result: Any = None) -> Non
 
     def lower(context: Any, builder: Any, kinds: Any, numbers: Any) -> Any:
         kind = _common(kinds.args)
-        pairs = [_parts(context, builder, *each) for each in zip(kinds.args, numbers, strict=True)]
-        values = [pair[0] for pair in pairs]
+        operands = [
+            _lifted(context, builder, *each, kind) for each in zip(kinds.args, numbers, strict=True)
+        ]
         if function in (operator.truediv, operator.itruediv):
+            values = list(map(_innermost, operands))
             end_where_undefined(context, builder, operator.truediv, None, values)
-        emitted = emit(builder, kind.width, *pairs)
-        return emitted if result else _packed(context, builder, kind, *emitted)
+        emitted = emit(builder, *operands)
+        return emitted if result else _packed(context, builder, kind, emitted)
 
     for bits in range(1, 2**count):
         kinds = [DualType if bits >> i & 1 else types.Float for i in range(count)]
         lower_builtin(function, *kinds)(lower)
 
 
-def _add(builder: Any, _: int, x: Any, y: Any) -> Any:
-    return builder.fadd(x[0], y[0]), _sum(builder, x[1], y[1])
-
-
-def _subtract(builder: Any, _: int, x: Any, y: Any) -> Any:
-    if y[1] is None:
-        return builder.fsub(x[0], y[0]), x[1]
-    slope = builder.fneg(y[1]) if x[1] is None else builder.fsub(x[1], y[1])
-    return builder.fsub(x[0], y[0]), slope
-
-
-def _multiply(builder: Any, width: int, x: Any, y: Any) -> Any:
-    terms = _times(builder, width, y[0], x[1]), _times(builder, width, x[0], y[1])
-    return builder.fmul(x[0], y[0]), _sum(builder, *terms)
-
-
-def _divide(builder: Any, width: int, x: Any, y: Any) -> Any:
-    quotient = builder.fdiv(x[0], y[0])
-    inverse = builder.fdiv(ir.Constant(DOUBLE, 1.0), y[0])
-    slope = x[1]
-    if y[1] is not None:
-        part = _times(builder, width, quotient, y[1])
-        slope = builder.fneg(part) if slope is None else builder.fsub(slope, part)
-    return quotient, _times(builder, width, inverse, slope)
-
-
 def _choose(relation: str) -> Emit:
     """Return the code of min or max, which take the first of equal operands, as Python does."""
 
-    def emit(builder: Any, width: int, first: Any, *others: Any) -> Any:
+    def emit(builder: Any, first: Any, *others: Any) -> Any:
         for other in others:
-            replaces = builder.fcmp_ordered(relation, other[0], first[0])
-            slopes = [_zeros(width) if each[1] is None else each[1] for each in (other, first)]
-            first = tuple(
-                builder.select(replaces, *pair) for pair in ((other[0], first[0]), slopes)
-            )
+            replaces = builder.fcmp_ordered(relation, _innermost(other), _innermost(first))
+            first = _select(builder, replaces, other, first)
         return first
 
     return emit
 
 
-def _compare(relation: str) -> Emit:
-    return lambda builder, _, x, y: builder.fcmp_ordered(relation, x[0], y[0])
+def _compare(relation: str, ordered: bool = True) -> Emit:
+    def emit(builder: Any, x: Any, y: Any) -> Any:
+        compare = builder.fcmp_ordered if ordered else builder.fcmp_unordered
+        return compare(relation, _innermost(x), _innermost(y))
+
+    return emit
 
 
 for _name, _emit in {
@@ -239,14 +316,12 @@ for _name, _emit in {
     _operation(getattr(operator, f"i{_name}"), 2, _emit)
 for _name, _relation in {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "=="}.items():
     _operation(getattr(operator, _name), 2, _compare(_relation), types.boolean)
-_operation(
-    operator.ne, 2, lambda builder, _, x, y: builder.fcmp_unordered("!=", x[0], y[0]), types.boolean
-)
+_operation(operator.ne, 2, _compare("!=", ordered=False), types.boolean)
 for _count in (2, 3, 4):
     _operation(min, _count, _choose("<"))
     _operation(max, _count, _choose(">"))
-_operation(operator.neg, 1, lambda builder, _, x: (builder.fneg(x[0]), builder.fneg(x[1])))
-_operation(operator.pos, 1, lambda _builder, _, x: x)
+_operation(operator.neg, 1, _negative)
+_operation(operator.pos, 1, lambda _builder, x: x)
 
 # --- Elementary functions
 
@@ -254,38 +329,36 @@ _operation(operator.pos, 1, lambda _builder, _, x: x)
 @intrinsic
 def value_of(_typing: Any, x: Any) -> Any:
     """Return the value of a number."""
+    kind = x.value if isinstance(x, DualType) else types.float64
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return _parts(context, builder, x, args[0])[0]
+        parts = _parts(context, builder, x, args[0])
+        return _packed(context, builder, kind, parts[0]) if isinstance(parts, tuple) else parts
 
-    return types.float64(x), codegen
+    return kind(x), codegen
+
+
+def _chain(x: Any, context: Any, builder: Any, kinds: Any, numbers: Any) -> Any:
+    """Return the parts of a value whose derivatives by dual numbers are given."""
+    parts = list(map(partial(_parts, context, builder), kinds, numbers))
+    count = len(parts) // 2
+    terms = zip(parts[count + 1 :], parts[:count], strict=True)
+    products = (_multiply(builder, each, number[1], tangent=True) for each, number in terms)
+    return _packed(context, builder, x, (parts[count], reduce(partial(_add, builder), products)))
 
 
 @intrinsic
 def of_one(_typing: Any, x: Any, value: Any, derivative: Any) -> Any:
     """Return a value with the tangents of x times a derivative."""
-
-    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        _, slope = _parts(context, builder, x, args[0])
-        slope = _product(builder, x.width, args[2], slope)
-        return _packed(context, builder, x, args[1], slope)
-
-    return x(x, types.float64, types.float64), codegen
+    kinds = x, x.value, x.value
+    return x(*kinds), lambda context, builder, _, args: _chain(x, context, builder, kinds, args)
 
 
 @intrinsic
 def of_two(_typing: Any, x: Any, y: Any, value: Any, by_x: Any, by_y: Any) -> Any:
     """Return a value with the tangents of x and y, each times a derivative."""
-
-    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        slopes = [_parts(context, builder, x, number)[1] for number in args[:2]]
-        terms = [
-            _product(builder, x.width, derivative, slope)
-            for slope, derivative in zip(slopes, args[3:], strict=True)
-        ]
-        return _packed(context, builder, x, args[2], builder.fadd(*terms))
-
-    return x(x, x, types.float64, types.float64, types.float64), codegen
+    kinds = x, x, x.value, x.value, x.value
+    return x(*kinds), lambda context, builder, _, args: _chain(x, context, builder, kinds, args)
 
 
 for _function in (digamma_above_zero, digamma):  # in the order of their calls
@@ -313,15 +386,20 @@ def _defined(source: str, **names: Any) -> Callable[..., Any]:
     return space["rule"]
 
 
+def _rules(function: Any, evaluate: Any, source: str) -> Callable[[Any], Any]:
+    """Return the rule of a function for the type of its numbers, whose values may be dual."""
+    outer = _defined(source, evaluate=function)
+    inner = outer if evaluate is function else _defined(source, evaluate=evaluate)
+    return lambda kind: outer if isinstance(kind.value, DualType) else inner
+
+
 def _unary(function: Any, evaluate: Any, derivative: str) -> None:
-    rule = _defined(
-        f"def rule(x):\n v = value_of(x)\n f = evaluate(v)\n return of_one(x, f, {derivative})",
-        evaluate=evaluate,
-    )
+    source = f"def rule(x):\n v = value_of(x)\n f = evaluate(v)\n return of_one(x, f, {derivative})"
+    rule = _rules(function, evaluate, source)
 
     @overload(function, **_OPTIONS)
     def implementation(x):  # type: ignore[no-untyped-def]
-        return rule if isinstance(x, DualType) else None
+        return rule(x) if isinstance(x, DualType) else None
 
 
 def _binary(function: Any, evaluate: Any, by_x: str, by_y: str) -> None:
@@ -331,13 +409,13 @@ def _binary(function: Any, evaluate: Any, by_x: str, by_y: str) -> None:
         (True, False): ("value_of(x)", "float(y)", f"of_one(x, f, {by_x})"),
         (False, True): ("float(x)", "value_of(y)", f"of_one(y, f, {by_y})"),
     }
-    rules = {key: _defined(source.format(*each), evaluate=evaluate) for key, each in kinds.items()}
+    rules = {key: _rules(function, evaluate, source.format(*each)) for key, each in kinds.items()}
 
     @overload(function, **_OPTIONS)
     def implementation(x, y):  # type: ignore[no-untyped-def]
-        if _common((x, y)) is None:
+        if (kind := _common((x, y))) is None:
             return None
-        return rules[isinstance(x, DualType), isinstance(y, DualType)]
+        return rules[x == kind, y == kind](kind)
 
 
 for _function, _derivative in UNARY.items():
@@ -441,11 +519,16 @@ class _Power(AbstractTemplate):
 @lower_builtin(operator.pow, DualType, types.IntegerLiteral)
 def _small_power(context: Any, builder: Any, kinds: Any, numbers: Any) -> Any:
     kind, exponent = kinds.args[0], kinds.args[1].literal_value
-    value, slope = _parts(context, builder, kind, numbers[0])
-    factor = multiplied(builder, value, max(exponent - 1, 0))
-    factor = builder.fmul(ir.Constant(DOUBLE, float(exponent)), factor)
-    slope = _times(builder, kind.width, factor, slope)
-    return _packed(context, builder, kind, multiplied(builder, value, exponent), slope)
+    power = _whole_power(builder, _parts(context, builder, kind, numbers[0]), exponent)
+    return _packed(context, builder, kind, power)
+
+
+def _whole_power(builder: Any, x: Any, exponent: int) -> Any:
+    if not isinstance(x, tuple):
+        return multiplied(builder, x, exponent)
+    factor = _whole_power(builder, x[0], max(exponent - 1, 0))
+    factor = _multiply(builder, _constant(float(exponent), x[0]), factor)
+    return _whole_power(builder, x[0], exponent), _multiply(builder, factor, x[1])
 
 
 def _real_power(context: Any, builder: Any, kinds: Any, numbers: Any) -> Any:
@@ -459,36 +542,60 @@ for _kinds in ((DualType, DualType), (DualType, types.Float), (types.Float, Dual
 # --- Vectors
 
 
-def _record(builder: Any, kind: Any, address: Any, index: Any) -> tuple[Any, Any]:
-    """Return pointers to the value and the tangents of a number in memory."""
-    size = ir.Constant(INTEGER, WORD * (1 + kind.width))
-    value = builder.add(address, builder.mul(index, size))
-    slope = builder.add(value, ir.Constant(INTEGER, WORD))
-    tangents = ir.VectorType(DOUBLE, kind.width).as_pointer()
-    return builder.inttoptr(value, DOUBLE.as_pointer()), builder.inttoptr(slope, tangents)
+def _doubles(kind: Any) -> int:
+    """Return the number of doubles of a number in memory."""
+    if isinstance(kind, DualType):
+        return _doubles(kind.value) + _doubles(kind.slope)
+    return kind.width if isinstance(kind, TangentsType) else 1
+
+
+def _in_memory(builder: Any, kind: Any, address: Any, index: Any) -> Iterator[Any]:
+    """Yield pointers to value and tangents of a number, and of those that are dual."""
+    place = builder.add(address, builder.mul(index, ir.Constant(INTEGER, WORD * _doubles(kind))))
+    if not isinstance(kind, DualType):
+        of = ir.VectorType(DOUBLE, kind.width) if isinstance(kind, TangentsType) else DOUBLE
+        yield builder.inttoptr(place, of.as_pointer())
+        return
+    first = ir.Constant(INTEGER, 0)
+    yield from _in_memory(builder, kind.value, place, first)
+    after = builder.add(place, ir.Constant(INTEGER, WORD * _doubles(kind.value)))
+    yield from _in_memory(builder, kind.slope, after, first)
+
+
+def _loaded(builder: Any, kind: Any, places: Iterator[Any]) -> Any:
+    if isinstance(kind, DualType):
+        return tuple(_loaded(builder, each, places) for each in (kind.value, kind.slope))
+    return builder.load(next(places), align=WORD)
+
+
+def _stored(builder: Any, parts: Any, places: Iterator[Any]) -> None:
+    if isinstance(parts, tuple):
+        for each in parts:
+            _stored(builder, each, places)
+    else:
+        builder.store(parts, next(places), align=WORD)
 
 
 @intrinsic
 def _load(_typing: Any, numbers: Any, index: Any) -> Any:
-    kind = dual(numbers.width)
+    kind = numbers.kind
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         view = cgutils.create_struct_proxy(numbers)(context, builder, value=args[0])
-        value, slope = _record(builder, kind, view.address, args[1])
-        return _packed(context, builder, kind, builder.load(value), builder.load(slope, align=WORD))
+        places = _in_memory(builder, kind, view.address, args[1])
+        return _packed(context, builder, kind, _loaded(builder, kind, places))
 
     return kind(numbers, types.int64), codegen
 
 
 @intrinsic
 def _store(_typing: Any, numbers: Any, index: Any, number: Any) -> Any:
-    kind = dual(numbers.width)
+    kind = numbers.kind
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         view = cgutils.create_struct_proxy(numbers)(context, builder, value=args[0])
-        parts = _parts(context, builder, kind, args[2])
-        for part, place in zip(parts, _record(builder, kind, view.address, args[1]), strict=True):
-            builder.store(part, place, align=WORD)
+        places = _in_memory(builder, kind, view.address, args[1])
+        _stored(builder, _parts(context, builder, kind, args[2]), places)
         return context.get_dummy_value()
 
     return types.none(numbers, types.int64, kind), codegen
@@ -509,10 +616,14 @@ def _member(name: str) -> Any:
 _address, _length = _member("address"), _member("length")
 
 
-@cache
 def vector_at(width: int) -> Any:
     """Return an intrinsic: a view of `length` numbers with tangents at an address."""
-    kind = vector(width)
+    return _vector_at(dual(width))
+
+
+@cache
+def _vector_at(number: DualType) -> Any:
+    kind = VectorType(number)
 
     @intrinsic
     def view(_typing: Any, address: Any, length: Any) -> Any:
@@ -554,7 +665,7 @@ def _get(numbers, index):  # type: ignore[no-untyped-def]
     if isinstance(index, types.Integer):
         return lambda numbers, index: _load(numbers, _place(numbers, index))
     if isinstance(index, types.SliceType) and not index.has_step:
-        at, size = vector_at(numbers.width), WORD * (1 + numbers.width)
+        at, size = _vector_at(numbers.kind), WORD * _doubles(numbers.kind)
 
         def part(numbers, index):  # type: ignore[no-untyped-def]
             start, stop, _ = index.indices(_length(numbers))
@@ -569,3 +680,114 @@ def _set(numbers, index, number):  # type: ignore[no-untyped-def]
     if not isinstance(numbers, VectorType) or not isinstance(index, types.Integer):
         return None
     return lambda numbers, index, number: _store(numbers, _place(numbers, index), number)
+
+
+# --- Rates
+
+
+@infer_global(with_rate)
+class _WithRate(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        kind = _common(args) or types.float64
+        return None if kws or len(args) != 2 else signature(dual(1, kind), kind, kind)
+
+
+@lower_builtin(with_rate, types.Float, types.Float)
+@lower_builtin(with_rate, DualType, DualType)
+def _of_rate(context: Any, builder: Any, kinds: Any, numbers: Any) -> Any:
+    result = kinds.return_type
+    value, rate = map(partial(_parts, context, builder), kinds.args, numbers)
+    if not isinstance(rate, tuple):
+        rate = _splat(builder, rate, ir.VectorType(DOUBLE, 1))
+    return _packed(context, builder, result, (value, rate))
+
+
+def _pair(builder: Any, parts: Any) -> Any:
+    """Return the parts of value and rate."""
+    value, rate = parts
+    if not isinstance(rate, tuple):
+        rate = builder.extract_element(rate, ir.Constant(ir.IntType(32), 0))
+    return value, rate
+
+
+@intrinsic
+def _value_and_rate(_typing: Any, number: Any, time: Any) -> Any:
+    """Return value and rate of a number; the rate is zero if the number does not change."""
+    kind = time.value
+    result = types.UniTuple(kind, 2)
+
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        parts = _lifted(context, builder, number, args[0], time)
+        pair = _pair(builder, parts) if number == time else parts
+        members = [_packed(context, builder, kind, each) for each in pair]
+        return context.make_tuple(builder, result, members)
+
+    return result(number, time), codegen
+
+
+@intrinsic
+def _moved(_typing: Any, given: Any, time: Any) -> Any:
+    """Return a number, or a named tuple, after a time at its rate."""
+    count, number = getattr(given, "count", 1), getattr(given, "dtype", given)
+    kind, result = number.value, number.value
+    if number != given:
+        result = types.NamedUniTuple(kind, count, given.instance_class)
+
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        step = _lifted(context, builder, time, args[1], kind)
+        moved = []
+        for each in [args[0]] if number == given else cgutils.unpack_tuple(builder, args[0]):
+            value, rate = _pair(builder, _parts(context, builder, number, each))
+            parts = _add(builder, value, _multiply(builder, step, rate))
+            moved.append(_packed(context, builder, kind, parts))
+        return moved[0] if number == given else context.make_tuple(builder, result, moved)
+
+    return result(given, time), codegen
+
+
+@intrinsic
+def _reals_at(_typing: Any, address: Any, length: Any) -> Any:
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return view(VECTOR, context, builder, args[0], [args[1]])
+
+    return VECTOR(types.int64, types.int64), codegen
+
+
+@overload(after, **_OPTIONS)
+def _after(given, time):  # type: ignore[no-untyped-def]
+    if not isinstance(given, VectorType):
+        return lambda given, time: _moved(given, time)
+    kind, size = given.kind.value, WORD * _doubles(given.kind)
+    at = _vector_at(kind) if isinstance(kind, DualType) else _reals_at
+
+    def numbers(given, time):  # type: ignore[no-untyped-def]
+        result = at(_address(given) + size * len(given), len(given))
+        for k in range(len(given)):
+            result[k] = _moved(given[k], time)
+        return result
+
+    return numbers
+
+
+@overload(with_rates, **_OPTIONS)
+def _with_rates(values, rates, memory):  # type: ignore[no-untyped-def]
+    is_dual = isinstance(memory, VectorType)
+    start = _address if is_dual else data
+    at = _vector_at(dual(1, memory.kind if is_dual else types.float64))
+
+    def numbers(values, rates, memory):  # type: ignore[no-untyped-def]
+        result = at(start(memory), len(values))
+        for k in range(len(values)):
+            result[k] = with_rate(values[k], rates[k])
+        return result
+
+    return numbers
+
+
+@overload(along, **_OPTIONS)
+def _along(function, step, mode, t, y, p):  # type: ignore[no-untyped-def]
+    try:  # whether the function takes numbers with tangents
+        function.get_call_type(cpu_target.typing_context, (mode, t, y, p), {})
+    except Exception:  # numba raises various exceptions
+        return by_differences
+    return lambda function, step, mode, t, y, p: _value_and_rate(function(mode, t, y, p), t)
