@@ -36,15 +36,14 @@ from mems_impact.continuation.branch import (
     OrbitCurve,
     OrbitEvent,
 )
-from mems_impact.continuation.branch_point_curve import BranchPointCurve
 from mems_impact.continuation.branch_switching import switched_solution
 from mems_impact.continuation.branching_equation import FirstPoint
-from mems_impact.continuation.codim1_curve import follow_curve
 from mems_impact.continuation.corners import corners
 from mems_impact.continuation.equilibrium_branch import EQUILIBRIUM_LABELS, follow_equilibrium
 from mems_impact.continuation.equilibrium_curve import branch_event, follow_equilibrium_curve
 from mems_impact.continuation.homoclinic import homoclinic_value, leading
 from mems_impact.continuation.orbit_branch import follow
+from mems_impact.continuation.orbit_curve import follow_curve
 from mems_impact.continuation.test_functions import (
     BRANCH_POINT,
     MEETING,
@@ -933,7 +932,6 @@ def continue_curve(
                 direction=direction,
                 steps=steps,
                 progress=report,
-                problem=BranchPointCurve if kind == BRANCH_POINT else None,
             )
     return curve_of(system, found)
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import brentq
 
-from mems_impact._util.arrays import Complexes, Floats
+from mems_impact._util.arrays import Complexes
 from mems_impact.continuation.arclength import PredictorStep
 from mems_impact.continuation.critical_vectors import CriticalVectors
 from mems_impact.continuation.higher_derivatives import directional_derivatives
@@ -21,9 +21,9 @@ from mems_impact.continuation.test_functions import (
     NEIMARK_SACKER,
     PERIOD_DOUBLING,
     BorderedCondition,
+    CurveTest,
     DefiningSystem,
     NeimarkSackerCondition,
-    TestFunction,
     neutral_pair,
 )
 from mems_impact.errors import OrbitError
@@ -35,7 +35,7 @@ POSITION_RTOL = 1e-10  # tolerance of the position of a zero, relative to the st
 
 
 @dataclass(frozen=True)
-class CriticalityTest(TestFunction):
+class CriticalityTest(CurveTest):
     """The cubic coefficient of period doublings or Neimark-Sacker points on their curve.
 
     Along the curve, derivatives are plain differences, from two evaluations of the return map per
@@ -52,9 +52,6 @@ class CriticalityTest(TestFunction):
         """Name of a zero."""
         return self.NAMES[self.kind]
 
-    def value(self, equations: Any, point: Any, direction: Floats) -> None:
-        """Return None: the coefficient is defined on curves only."""
-
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
         """Return that coefficient, without its poles; None where it is undefined, or rounding."""
         try:
@@ -66,7 +63,7 @@ class CriticalityTest(TestFunction):
             return None
         return cubic.value * self._factor(vectors)
 
-    def zero(
+    def zero_on_curve(
         self, condition: DefiningSystem, step: PredictorStep[ShootingEvaluation], length: float
     ) -> float | None:
         """Return the position of a zero in a step with a change of sign; None without a zero.

@@ -8,7 +8,6 @@ Jacobian on the invariant plane of its pair, a boundary equilibrium the margin o
 from __future__ import annotations
 
 import itertools
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -19,24 +18,14 @@ from scipy.linalg import schur, solve_sylvester
 
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.arclength import (
-    CONTINUATION_ERRORS,
     SHORTER_STEP_REMEDY,
-    Continuation,
-    Corrector,
     LocatedEvents,
     PredictorStep,
     StepControl,
-    reason_of,
     tangent,
 )
 from mems_impact.continuation.branch import CurveEvent, EquilibriumCurve, EquilibriumEvent
-from mems_impact.continuation.branch_point_curve import (
-    UNFOLDS,
-    correct_branch_point,
-    curve_tangent,
-    unfolding,
-)
-from mems_impact.continuation.codim1_curve import correct_condition, curve_direction
+from mems_impact.continuation.curve import BranchPointCurve, CurveProblem, follow
 from mems_impact.continuation.equilibrium_branch import (
     BOUNDARY,
     EQUILIBRIUM_LABELS,
@@ -45,19 +34,27 @@ from mems_impact.continuation.equilibrium_branch import (
     EquilibriumProblem,
 )
 from mems_impact.continuation.higher_derivatives import lyapunov_coefficient
-from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, MULTIPLIER_TOLERANCE
+from mems_impact.continuation.test_functions import (
+    BRANCH_POINT,
+    FOLD,
+    MULTIPLIER_TOLERANCE,
+    BoundaryTest,
+    CurveTest,
+    CuspTest,
+    DefiningSystem,
+    TestFunction,
+)
 from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.orbits.equilibrium import (
     EquilibriumEquations,
     EquilibriumEvaluation,
     EquilibriumState,
     make_equilibrium,
 )
-from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
 __all__ = ["branch_event", "follow_equilibrium_curve"]
 
-MAX_ZERO_RATIO = 1e-3  # largest ratio of a test function at a zero to its values at the step's ends
 END_RATIO = 1.0 - 1e-4  # part of a step to a loss at which test functions are evaluated
 
 
@@ -74,50 +71,15 @@ def branch_event(curve: EquilibriumCurve, state: EquilibriumState) -> Equilibriu
 # --- Defining systems
 
 
-class EquilibriumCondition(ABC):
-    """The equation that a special point of equilibria adds.
-
-    Parameters
-    ----------
-    equations : EquilibriumEquations
-        With two active parameters.
-    """
-
-    kind: ClassVar[str]
-
-    def __init__(self, equations: EquilibriumEquations) -> None:
-        self.equations = equations
-
-    @abstractmethod
-    def value(self, point: EquilibriumEvaluation) -> float:
-        """Return the value of the equation, zero on the curve."""
-
-
-class ScalarCondition(EquilibriumCondition):
-    """One equation with its gradient."""
-
-    derived = False
-
-    @abstractmethod
-    def gradient(self, point: EquilibriumEvaluation) -> Floats:
-        """Return the derivatives by unknowns and parameters."""
-
-    @abstractmethod
-    def set_reference(self, point: EquilibriumEvaluation) -> None:
-        """Set the point near which the next points lie."""
-
-
-class EquilibriumFoldCondition(ScalarCondition):
+class EquilibriumFoldCondition(DefiningSystem):
     """A singular Jacobian: the last unknown of the equations bordered by null vectors."""
 
-    kind = FOLD
-
-    def __init__(self, equations: EquilibriumEquations) -> None:
-        super().__init__(equations)
+    def __init__(self, equations: EquilibriumEquations, monitor: TestFunction) -> None:
+        super().__init__(equations, monitor)
         self._rows: Floats | None = None  # factors of the rows of the Jacobian
         self._border = np.zeros(0), np.zeros(0)
 
-    def set_reference(self, point: EquilibriumEvaluation) -> None:
+    def _set_borders(self, point: EquilibriumEvaluation) -> None:
         """Set rows and borders to the values at a point."""
         sizes = np.abs(point.jacobian).max(axis=1)
         self._rows = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
@@ -133,7 +95,8 @@ class EquilibriumFoldCondition(ScalarCondition):
         return self._vectors(point)[2]
 
     def gradient(self, point: EquilibriumEvaluation) -> Floats:
-        """Return the derivatives -w F_xx v and -w F_xp v."""
+        """Return the derivatives -w F_xx v and -w F_xp v; set the borders at `point`."""
+        self._set_borders(point)
         w, v, _ = self._vectors(point)
         return np.asarray(-w @ self.equations.derivatives_along(point, v))
 
@@ -145,7 +108,7 @@ class EquilibriumFoldCondition(ScalarCondition):
     def _vectors(self, point: EquilibriumEvaluation) -> tuple[Floats, Floats, float]:
         """Return the left and right null vectors of the bordered equations, and the value."""
         if self._rows is None:
-            self.set_reference(point)
+            self._set_borders(point)
         assert self._rows is not None
         size = point.unknowns.size
         matrix = np.zeros((size + 1, size + 1))
@@ -156,24 +119,16 @@ class EquilibriumFoldCondition(ScalarCondition):
         return left[:size] * self._rows, right[:size], float(right[size])
 
 
-class HopfCondition(ScalarCondition):
+class HopfCondition(DefiningSystem):
     """A pair of eigenvalues with sum zero: the trace of the Jacobian on its invariant plane.
 
     The pair is the one whose product is nearest to that at the last point. Trace and product are
     smooth also where the pair becomes real.
     """
 
-    kind = HOPF
-
-    def __init__(self, equations: EquilibriumEquations) -> None:
-        super().__init__(equations)
+    def __init__(self, equations: EquilibriumEquations, monitor: TestFunction) -> None:
+        super().__init__(equations, monitor)
         self._product, self._scale = 0.0, 0.0
-
-    def set_reference(self, point: EquilibriumEvaluation) -> None:
-        """Set the product of the most neutral pair to its value at a point."""
-        pair = self.pair(point)
-        self._product = pair.product
-        self._scale = self._scale or np.sqrt(abs(pair.product))
 
     def pair(self, point: EquilibriumEvaluation) -> EigenvaluePair:
         """Return the critical pair."""
@@ -191,7 +146,12 @@ class HopfCondition(ScalarCondition):
         return self.pair(point).total / self._scale
 
     def gradient(self, point: EquilibriumEvaluation) -> Floats:
-        """Return the derivatives trace(W F_xx V) and trace(W F_xp V) on the invariant plane."""
+        """Return the derivatives trace(W F_xx V) and trace(W F_xp V) on the invariant plane.
+
+        The pair of the next points is the pair at `point`.
+        """
+        self._product = self.pair(point).product
+        self._scale = self._scale or np.sqrt(abs(self._product))
         right, left = self._plane(point)
         by_unknowns = [
             w @ self.equations.derivatives_along(point, v)
@@ -233,59 +193,39 @@ class HopfCondition(ScalarCondition):
         )
 
 
-class BoundaryCondition(ScalarCondition):
+class BoundaryCondition(DefiningSystem):
     """The margin of a guard."""
 
-    kind = BOUNDARY
-
-    def __init__(self, equations: EquilibriumEquations, guard: int) -> None:
-        super().__init__(equations)
-        self.guard = guard
-
-    def set_reference(self, point: EquilibriumEvaluation) -> None:
-        """Do nothing: the margin is defined everywhere."""
-
-    def value(self, point: EquilibriumEvaluation) -> float:
-        """Return the margin."""
-        return float(self.equations.margins(point)[self.guard])
+    monitor: BoundaryTest
 
     def gradient(self, point: EquilibriumEvaluation) -> Floats:
-        """Return its derivatives."""
-        return self.equations.margin_gradient(point, self.guard)
+        """Return the derivatives by unknowns and parameters."""
+        gradient: Floats = self.equations.margin_gradient(point, self.monitor.guard)
+        return gradient
 
 
-class BranchPointCondition(EquilibriumCondition):
-    """A rank-deficient Jacobian by unknowns and parameter.
-
-    The condition is g = 0 of `branch_points`, which has two components.
-    """
-
-    kind = BRANCH_POINT
-
-    def value(self, point: EquilibriumEvaluation) -> float:
-        """Return the residual of the branch point condition at a solution."""
-        return unfolding(point)
+CONDITIONS: dict[str, type[DefiningSystem]] = {
+    FOLD: EquilibriumFoldCondition,
+    HOPF: HopfCondition,
+    BRANCH_POINT: DefiningSystem,  # whose equation is that of `BranchPointCurve`
+    BOUNDARY: BoundaryCondition,
+}
+"""Defining systems by the kind of special point."""
 
 
-def condition_of(kind: str, equations: EquilibriumEquations, guard: str) -> EquilibriumCondition:
+def condition_of(kind: str, equations: EquilibriumEquations, guard: str) -> DefiningSystem:
     """Return the defining system of a kind of special points.
 
     Raises
     ------
     InvalidParameter
-        If points of this kind have no normal form.
+        If points of this kind have no curves.
     """
-    if kind == FOLD:
-        return EquilibriumFoldCondition(equations)
-    if kind == HOPF:
-        return HopfCondition(equations)
-    if kind == BRANCH_POINT:
-        return BranchPointCondition(equations)
-    if kind == BOUNDARY:
-        names = [each.name for each in equations.automaton.guards]
-        return BoundaryCondition(equations, names.index(guard))
-    allowed = "a fold, Hopf point, branch point or boundary equilibrium, which have curves"
-    raise InvalidParameter("special", kind, allowed)
+    if kind not in CONDITIONS:
+        allowed = "a fold, Hopf point, branch point or boundary equilibrium, which have curves"
+        raise InvalidParameter("special", kind, allowed)
+    names = [each.name for each in equations.automaton.guards]
+    return CONDITIONS[kind](equations, BoundaryTest(kind, names.index(guard) if guard else NONE))
 
 
 # --- Pairs of eigenvalues
@@ -338,34 +278,17 @@ def eigenvalue_pairs(values: Complexes) -> list[EigenvaluePair]:
 # --- Test functions of points of codimension two
 
 
-@dataclass(frozen=True)
-class CodimensionTwoTest(ABC):
-    """A test function on a curve of equilibria.
+class EigenvalueTest(CurveTest):
+    """A test function of the eigenvalues on a curve of equilibria."""
 
-    Attributes
-    ----------
-    name : str
-        Name of a zero.
-    """
-
-    __test__ = False  # keeps pytest from collecting the class
-
-    name: str
-
-    @abstractmethod
-    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float | None:
-        """Return the value at a point of the curve; None where it is undefined."""
-
-    def is_zero(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> bool:
-        """Return whether a change of sign is a zero."""
-        return True
+    may_jump: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
-class ZeroEigenvalueTest(CodimensionTwoTest):
+class ZeroEigenvalueTest(EigenvalueTest):
     """The product of the eigenvalues besides the critical ones of the curve."""
 
-    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float:
+    def on_curve(self, condition: DefiningSystem, point: EquilibriumEvaluation) -> float:
         """Return the product of the eigenvalues relative to their sizes."""
         values = np.linalg.eigvals(point.jacobian).astype(complex)
         if isinstance(condition, HopfCondition):
@@ -380,17 +303,17 @@ class ZeroEigenvalueTest(CodimensionTwoTest):
             return float(np.sum(others).real)
         return float(np.prod(factors).real)
 
-    def is_zero(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> bool:
+    def is_zero(self, condition: DefiningSystem, point: EquilibriumEvaluation) -> bool:
         """Return whether another eigenvalue is zero."""
         sizes = np.abs(np.linalg.eigvals(point.jacobian))
         return bool(sizes.min() < MULTIPLIER_TOLERANCE * np.linalg.norm(point.jacobian))
 
 
 @dataclass(frozen=True)
-class ImaginaryPairTest(CodimensionTwoTest):
+class ImaginaryPairTest(EigenvalueTest):
     """The sums of pairs of eigenvalues besides the critical ones of the curve."""
 
-    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float:
+    def on_curve(self, condition: DefiningSystem, point: EquilibriumEvaluation) -> float:
         """Return the signed sum that is nearest to zero, relative to its size."""
         values = self._others(condition, point)
         sums = np.array([a + b for a, b in itertools.combinations(values.tolist(), 2)])
@@ -403,66 +326,50 @@ class ImaginaryPairTest(CodimensionTwoTest):
             return 0.0
         return float(np.prod(factors / signs).real * signs.min())
 
-    def is_zero(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> bool:
+    def is_zero(self, condition: DefiningSystem, point: EquilibriumEvaluation) -> bool:
         """Return whether the pair is complex."""
         values = self._others(condition, point)
         pairs = [pair for pair in eigenvalue_pairs(values) if pair.rotates]
         return any(pair.offset < MULTIPLIER_TOLERANCE for pair in pairs)
 
-    def _others(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> Complexes:
+    def _others(self, condition: DefiningSystem, point: EquilibriumEvaluation) -> Complexes:
         values = np.linalg.eigvals(point.jacobian).astype(complex)
         if isinstance(condition, HopfCondition):
             pair = condition.pair(point)
             return np.delete(values, [pair.first, pair.second])
-        if isinstance(condition, EquilibriumFoldCondition | BranchPointCondition):
+        if condition.monitor.kind in (FOLD, BRANCH_POINT):
             return np.delete(values, np.argmin(np.abs(values)))
         return values
 
 
 @dataclass(frozen=True)
-class RealPairTest(CodimensionTwoTest):
+class RealPairTest(EigenvalueTest):
     """The product of the pair of a Hopf curve, zero where the pair becomes real."""
 
-    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float:
+    def on_curve(self, condition: DefiningSystem, point: EquilibriumEvaluation) -> float:
         """Return the product, the square of the frequency."""
         assert isinstance(condition, HopfCondition)
         return condition.pair(point).product
 
 
 @dataclass(frozen=True)
-class LyapunovTest(CodimensionTwoTest):
+class LyapunovTest(EigenvalueTest):
     """The first Lyapunov coefficient, zero at a Bautin point."""
 
-    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float | None:
+    def on_curve(self, condition: DefiningSystem, point: EquilibriumEvaluation) -> float | None:
         """Return the coefficient."""
         assert isinstance(condition, HopfCondition)
         return condition.coefficient(point)
 
 
 @dataclass(frozen=True)
-class CurvatureTest(CodimensionTwoTest):
-    """The quadratic coefficient of a fold, zero at a cusp."""
-
-    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float:
-        """Return the coefficient."""
-        assert isinstance(condition, EquilibriumFoldCondition)
-        return condition.curvature(point)
-
-
-@dataclass(frozen=True)
-class MarginTest(CodimensionTwoTest):
+class MarginTest(BoundaryTest):
     """The margin of another guard."""
 
-    guard: int
-
-    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float | None:
-        """Return the margin; None if the guard is not active."""
-        margin = float(condition.equations.margins(point)[self.guard])
-        return margin if np.isfinite(margin) else None
+    may_jump: ClassVar[bool] = True
 
 
-CUSP, BOGDANOV_TAKENS, ZERO_HOPF, BAUTIN, HOPF_HOPF = (
-    "cusp",
+BOGDANOV_TAKENS, ZERO_HOPF, BAUTIN, HOPF_HOPF = (
     "Bogdanov-Takens",
     "zero-Hopf",
     "Bautin",
@@ -475,9 +382,9 @@ BOUNDARY_NAMES = {
     BOUNDARY: "double boundary",
 }
 """Names of points at which an equilibrium meets a guard, by the kind of the curve."""
-CODIMENSION_TWO_TESTS: dict[str, tuple[CodimensionTwoTest, ...]] = {
+CODIMENSION_TWO_TESTS: dict[str, tuple[TestFunction, ...]] = {
     FOLD: (
-        CurvatureTest(CUSP),
+        CuspTest(),
         ZeroEigenvalueTest(BOGDANOV_TAKENS),
         ImaginaryPairTest(ZERO_HOPF),
     ),
@@ -538,204 +445,102 @@ def follow_equilibrium_curve(
     family = equilibrium.family
     equations = EquilibriumEquations(family, equilibrium.mode, curve.parameters)
     condition = condition_of(curve.kind, equations, curve.guard)
-    values = np.array([family.value(name) for name in curve.parameters])
-    try:
+
+    def begin() -> tuple[EquilibriumCurveProblem, EquilibriumEvaluation]:
+        values = np.array([family.value(name) for name in curve.parameters])
         near = equations.evaluate(equilibrium.balance.unknowns, values)
-        problem = (
-            _ScalarConditionCurve(curve, condition, (low, high))
-            if isinstance(condition, ScalarCondition)
-            else _BranchPointCurve(curve, condition, (low, high))
-        )
-        first_direction = problem.tangent(near, direction * np.eye(near.unknowns.size + 2)[-1])
-        start = np.concatenate([near.unknowns, values])
-        point = problem.corrector(near)(start, first_direction, start).point
-        problem.begin(point, first_direction)
-    except CONTINUATION_ERRORS as error:
-        curve.ended = f"the first point could not be corrected: {reason_of(error, family)}"
-        return curve
-    try:
-        for solution in Continuation(
-            problem, point, first_direction, low=low, high=high, steps=steps
-        ):
-            if progress is not None:
-                progress(solution.family.value(curve.parameters[1]))
-    except CONTINUATION_ERRORS as error:
-        curve.ended = reason_of(error, family)
-    return curve
+        crossing = curve.kind == BRANCH_POINT
+        problem = EquilibriumBranchPointCurve if crossing else EquilibriumCurveProblem
+        return problem(curve, condition, (low, high)), near
+
+    return follow(
+        curve,
+        family,
+        begin,
+        low=low,
+        high=high,
+        direction=direction,
+        steps=steps,
+        progress=progress,
+    )
 
 
-class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumState, CurveEvent[EquilibriumState]]):
-    """Equilibria at which one condition holds, in two parameters."""
-
-    noun = "curve"
+class EquilibriumCurveProblem(
+    EquilibriumProblem[EquilibriumState, CurveEvent[EquilibriumState]],
+    CurveProblem[EquilibriumEvaluation, EquilibriumState],
+):
+    """Continuation problem of equilibria at which one condition holds, in two parameters."""
 
     def __init__(
-        self,
-        curve: EquilibriumCurve,
-        condition: EquilibriumCondition,
-        bounds: tuple[float, float],
+        self, curve: EquilibriumCurve, condition: DefiningSystem, bounds: tuple[float, float]
     ) -> None:
         self.branch, self.condition, self.bounds = curve, condition, bounds
-        self.equations = condition.equations
         self.family, self.parameters = self.equations.family, curve.parameters
-        own_guard = condition.guard if isinstance(condition, BoundaryCondition) else -1
-        name = BOUNDARY_NAMES[condition.kind]
+        monitor = condition.monitor
+        own_guard = monitor.guard if isinstance(monitor, BoundaryTest) else NONE
         self._tests = [
-            *CODIMENSION_TWO_TESTS[condition.kind],
+            *CODIMENSION_TWO_TESTS[curve.kind],
             *(
-                MarginTest(name, j)
+                MarginTest(BOUNDARY_NAMES[curve.kind], j)
                 for j, guard in enumerate(self.equations.automaton.guards)
                 if j != own_guard and not guard.records
             ),
         ]
 
-    def record(self, point: EquilibriumEvaluation, direction: Floats) -> None:
-        """Append an equilibrium to the curve."""
-        self.branch.points.append(make_equilibrium(self.equations, point))
+    @property
+    def equations(self) -> EquilibriumEquations:  # type: ignore[override]
+        """The equations of the equilibrium."""
+        equations: EquilibriumEquations = self.condition.equations
+        return equations
 
-    def tests(
-        self, point: EquilibriumEvaluation, direction: Floats
-    ) -> dict[CodimensionTwoTest, float]:
+    def solution(self, point: EquilibriumEvaluation) -> EquilibriumState:
+        """Return the equilibrium of a point."""
+        return make_equilibrium(self.equations, point)
+
+    def name_of(self, test: TestFunction) -> str:
+        """Return the name of a zero of `test` on this curve."""
+        return test.name
+
+    def tests(self, point: EquilibriumEvaluation, direction: Floats) -> dict[TestFunction, float]:
         """Return the test functions for points of codimension two."""
-        values = {test: test.value(self.condition, point) for test in self._tests}
-        return {test: value for test, value in values.items() if value is not None}
+        values = {test: test.on_curve(self.condition, point) for test in self._tests}
+        return {
+            test: value
+            for test, value in values.items()
+            if value is not None and np.isfinite(value)
+        }
 
     def locate(
         self,
         step: PredictorStep[EquilibriumEvaluation],
         length: float,
-        before: Mapping[CodimensionTwoTest, float],
-        after: Mapping[CodimensionTwoTest, float],
+        before: Mapping[TestFunction, float],
+        after: Mapping[TestFunction, float],
     ) -> LocatedEvents[EquilibriumEvaluation, CurveEvent[EquilibriumState]]:
         """Locate points of codimension two in a step, up to one that ends the curve."""
-        loss: tuple[float, CurveEvent[EquilibriumState]] | None = None
-        for test in before:
-            if isinstance(test, RealPairTest) and after[test] < 0.0:
-                loss = self._locate(test, step, length, (before[test], after[test]))
-                if loss is not None:
-                    length = END_RATIO * loss[0]
-                    after = self.tests(step.at(length).point, step.direction)
-        candidates: list[tuple[float, CurveEvent[EquilibriumState]]] = []
-        for test, value in before.items():
-            if test in after and value * after[test] < 0.0:
-                located = self._locate(test, step, length, (value, after[test]))
-                if located is not None:
-                    candidates.append(located)
-        candidates.sort(key=lambda item: item[0])
-        events = [event for _, event in candidates if self._inside(event.values[1])]
-        if loss is None or not self._inside(loss[1].values[1]):
+        losses = [
+            (test, before[test], after[test])
+            for test in before
+            if isinstance(test, RealPairTest) and after[test] < 0.0
+        ]
+        loss = next(iter(self.zeros(step, length, losses)), None)
+        if loss is not None:
+            length = END_RATIO * loss[0]
+            after = self.tests(step.at(length).point, step.direction)
+        changes = [
+            (test, value, after[test])
+            for test, value in before.items()
+            if test in after and value * after[test] < 0.0
+        ]
+        events = [event for _, _, event in self.zeros(step, length, changes)]
+        if loss is None:
             return LocatedEvents(events)
-        reason = (
-            f"{loss[1].kind}: beyond it, the pair of eigenvalues is real, as of a neutral saddle"
-        )
-        return LocatedEvents([*events, loss[1]], loss[1], reason)
-
-    def pass_loss(
-        self,
-        located: LocatedEvents[EquilibriumEvaluation, CurveEvent[EquilibriumState]],
-        length: float,
-    ) -> str:
-        """End the curve at a loss."""
-        assert located.loss is not None
-        self.branch.points.append(located.loss.solution)
-        return located.reason
-
-    def _inside(self, value: float) -> bool:
-        return bool(self.bounds[0] <= value <= self.bounds[1])
-
-    def _locate(
-        self,
-        test: CodimensionTwoTest,
-        step: PredictorStep[EquilibriumEvaluation],
-        length: float,
-        ends: tuple[float, float],
-    ) -> tuple[float, CurveEvent[EquilibriumState]] | None:
-        """Return the position in a step and the point of a zero of `test`, with values `ends`."""
-
-        def value(point: EquilibriumEvaluation) -> float:
-            value_on_curve = test.value(self.condition, point)
-            if value_on_curve is None:
-                raise ValueError(test)
-            return value_on_curve
-
-        try:
-            position = step.zero(value, length)
-            point = step.at(position).point
-        except ValueError as error:
-            raise OrbitError(f"{test.name} could not be located", SHORTER_STEP_REMEDY) from error
-        if not test.is_zero(self.condition, point):
-            return None
-        if abs(value(point)) > MAX_ZERO_RATIO * min(map(abs, ends)):
-            return None  # a jump
-        equilibrium = make_equilibrium(self.equations, point)
-        values = float(point.values[0]), float(point.values[1])
-        return position, CurveEvent(test.name, values, equilibrium)
+        end = loss[2]
+        reason = f"{end.kind}: beyond it, the pair of eigenvalues is real, as of a neutral saddle"
+        return LocatedEvents([*events, end], end, reason)
 
 
-class _ScalarConditionCurve(_EquilibriumCurveProblem):
-    """Equilibria at which one equation holds, in two parameters."""
-
-    def __init__(
-        self, curve: EquilibriumCurve, condition: ScalarCondition, bounds: tuple[float, float]
-    ) -> None:
-        super().__init__(curve, condition, bounds)
-        self._condition = condition
-        self._linear: tuple[EquilibriumEvaluation, Floats] | None = None
-
-    def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:
-        """Return the corrector of a step."""
-        return partial(correct_condition, self.equations, self._condition, self._gradient(point))
-
-    def _gradient(self, point: EquilibriumEvaluation) -> Floats:
-        """Return the gradient of the condition, whose reference becomes this point."""
-        if self._linear is None or self._linear[0] is not point:
-            self._condition.set_reference(point)
-            self._linear = point, self._condition.gradient(point)
-        return self._linear[1]
-
-    def solve(self, guess: Floats) -> EquilibriumEvaluation:
-        """Correct a guess at its value of the second parameter."""
-        point = self.equations.evaluate(guess[:-2], guess[-2:])
-        gradient, fixed = self._gradient(point), np.eye(guess.size)[-1]
-        return correct_condition(
-            self.equations, self._condition, gradient, guess, fixed, guess
-        ).point
-
-    def tangent(self, point: EquilibriumEvaluation, direction: Floats) -> Floats:
-        """Return the unit tangent of the curve, oriented along `direction`."""
-        vector = curve_direction(point, self._gradient(point))
-        return vector if vector @ direction >= 0.0 else -vector
-
-
-class _BranchPointCurve(_EquilibriumCurveProblem):
-    """Equilibria at which another branch crosses, in two parameters."""
-
-    def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:
-        """Return the corrector of a step."""
-        self._near = point
-        return partial(correct_branch_point, self.equations, point)
-
-    def solve(self, guess: Floats) -> EquilibriumEvaluation:
-        """Correct a guess at its value of the second parameter."""
-        point = self.corrector(self._near)(guess, np.eye(guess.size)[-1], guess).point
-        if unfolding(point) > RESIDUAL_TOLERANCE:
-            raise OrbitError(UNFOLDS, SHORTER_STEP_REMEDY)
-        return point
-
-    def tangent(self, point: EquilibriumEvaluation, direction: Floats) -> Floats:
-        """Return the unit tangent of the curve, oriented along `direction`."""
-        vector = curve_tangent(self.equations, point)
-        return vector if vector @ direction >= 0.0 else -vector
-
-    def record(self, point: EquilibriumEvaluation, direction: Floats) -> None:
-        """Append an equilibrium to the curve, unless it is no branch point."""
-        if unfolding(point) <= RESIDUAL_TOLERANCE:
-            super().record(point, direction)
-
-    def end_at(self, point: EquilibriumEvaluation) -> str:
-        """Return the reason for an end where the branch point unfolds."""
-        if unfolding(point) <= RESIDUAL_TOLERANCE:
-            return ""
-        name = self.parameters[1]
-        location = self.family.amount(name, self.branch.points[-1].family.values[name])
-        return f"{UNFOLDS}: at another value of {name} than {location}, no branch crosses"
+class EquilibriumBranchPointCurve(
+    BranchPointCurve[EquilibriumEvaluation, EquilibriumState], EquilibriumCurveProblem
+):
+    """Continuation problem of equilibria at which another branch crosses, in two parameters."""

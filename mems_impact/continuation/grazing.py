@@ -31,6 +31,7 @@ from mems_impact.continuation.test_functions import (
     ClosestApproach,
     ClosestApproachTest,
     ContactSpeedTest,
+    CurveTest,
     DefiningSystem,
     SegmentLengthTest,
     TestFunction,
@@ -60,7 +61,7 @@ CONTINUOUS, JUMP, AFTER_FOLD = "continuous", "jump", "after a fold"
 
 
 @dataclass(frozen=True)
-class DegenerateGrazingTest(TestFunction):
+class DegenerateGrazingTest(CurveTest):
     """The coefficient xi_1 on a curve of grazings."""
 
     @property
@@ -68,13 +69,10 @@ class DegenerateGrazingTest(TestFunction):
         """Name of a zero."""
         return f"degenerate {self.kind}"
 
-    def value(self, equations: Any, point: Any, direction: Floats) -> None:
-        """Return None: the coefficient is defined on curves of grazings only."""
-
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
         """Return the coefficient."""
         assert isinstance(condition.monitor, ClosestApproachTest)
-        return contact_coefficient(condition.shooting, point, condition.monitor, 1)
+        return contact_coefficient(condition.equations, point, condition.monitor, 1)
 
 
 def contact_coefficient(

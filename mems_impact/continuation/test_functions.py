@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from mems_impact._util.arrays import Complexes, Floats
+from mems_impact.continuation.arclength import PredictorStep
 from mems_impact.continuation.branch_points import regularity
 from mems_impact.continuation.critical_vectors import CriticalVectors
 from mems_impact.continuation.higher_derivatives import plain_derivatives
@@ -134,6 +135,12 @@ MIN_CONDITION = 1e-3  # of an eigenvalue, below which its gradient loses digits
 class DefiningSystem:
     """A test function as an additional equation, with its gradient by differences.
 
+    Parameters
+    ----------
+    equations : Shooting or EquilibriumEquations
+        With two active parameters.
+    monitor : TestFunction
+
     Attributes
     ----------
     derived : bool
@@ -142,19 +149,19 @@ class DefiningSystem:
 
     derived = False
 
-    def __init__(self, shooting: Shooting, monitor: TestFunction) -> None:
-        self.shooting, self.monitor = shooting, monitor
+    def __init__(self, equations: Any, monitor: TestFunction) -> None:
+        self.equations, self.monitor = equations, monitor
 
-    def value(self, point: ShootingEvaluation) -> float:
+    def value(self, point: Any) -> float:
         """Return the value of the additional equation, zero on the curve."""
-        value = self.monitor.value(self.shooting, point, np.zeros(1))
+        value = self.monitor.value(self.equations, point, np.zeros(1))
         if value is None:
             raise OrbitError(
                 f"the orbit has no {self.monitor.kind} to continue", OTHER_POINT_REMEDY
             )
         return value
 
-    def gradient(self, point: ShootingEvaluation) -> Floats:
+    def gradient(self, point: Any) -> Floats:
         """Return the derivatives by unknowns and parameters."""
         u, here = np.concatenate([point.unknowns, point.values]), self.value(point)
         return np.array(
@@ -164,9 +171,9 @@ class DefiningSystem:
             ]
         )
 
-    def _at(self, u: Floats) -> ShootingEvaluation:
-        size = u.size - len(self.shooting.active)
-        return self.shooting.evaluate(u[:size], u[size:])
+    def _at(self, u: Floats) -> Any:
+        size = u.size - len(self.equations.active)
+        return self.equations.evaluate(u[:size], u[size:])
 
 
 class GrazingCondition(DefiningSystem):
@@ -178,10 +185,10 @@ class GrazingCondition(DefiningSystem):
     def gradient(self, point: ShootingEvaluation) -> Floats:
         """Return the derivatives by unknowns and parameters."""
         guard = self.monitor.guard
-        touch = closest_approach(self.shooting, point, guard, self.monitor.segment)
+        touch = closest_approach(self.equations, point, guard, self.monitor.segment)
         if touch is None or not touch.inside:
             return super().gradient(point)
-        return touch_gradient(self.shooting, point, touch.segment, guard)
+        return touch_gradient(self.equations, point, touch.segment, guard)
 
 
 class ContactSpeedCondition(DefiningSystem):
@@ -192,7 +199,7 @@ class ContactSpeedCondition(DefiningSystem):
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
         """Return the derivatives by unknowns and parameters."""
-        return -rate_gradient(self.shooting, point, self.monitor.segment, self.monitor.guard)
+        return -rate_gradient(self.equations, point, self.monitor.segment, self.monitor.guard)
 
 
 class SegmentLengthCondition(DefiningSystem):
@@ -203,19 +210,19 @@ class SegmentLengthCondition(DefiningSystem):
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
         """Return the derivatives by unknowns and parameters."""
-        return length_gradient(self.shooting, point, self.monitor.segment)
+        return length_gradient(self.equations, point, self.monitor.segment)
 
 
 class NeimarkSackerCondition(DefiningSystem):
     """A Neimark-Sacker point: the product of a pair of multipliers is one."""
 
-    def __init__(self, shooting: Shooting, monitor: TestFunction) -> None:
-        super().__init__(shooting, monitor)
+    def __init__(self, equations: Any, monitor: TestFunction) -> None:
+        super().__init__(equations, monitor)
         self._vectors: CriticalVectors | None = None
 
     def value(self, point: ShootingEvaluation) -> float:
         """Return the product of the pair closest to a product of one, minus one."""
-        return neutral_pair(multipliers_at(self.shooting, point))[2]
+        return neutral_pair(multipliers_at(self.equations, point))[2]
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
         """Return the derivatives by unknowns and parameters."""
@@ -228,12 +235,12 @@ class NeimarkSackerCondition(DefiningSystem):
     def vectors(self, point: ShootingEvaluation) -> CriticalVectors | None:
         """Return the critical vectors; None if the pair is real."""
         if self._vectors is None or self._vectors.point is not point:
-            multipliers = multipliers_at(self.shooting, point)
+            multipliers = multipliers_at(self.equations, point)
             pair = multipliers[list(neutral_pair(multipliers)[:2])]
             multiplier = complex(pair[np.argmax(pair.imag)])
             if multiplier.imag == 0.0:
                 return None
-            self._vectors = CriticalVectors(self.shooting, point, multiplier, plain_derivatives)
+            self._vectors = CriticalVectors(self.equations, point, multiplier, plain_derivatives)
         return self._vectors
 
 
@@ -250,8 +257,8 @@ class BorderedCondition(DefiningSystem):
 
     multiplier: ClassVar[float]
 
-    def __init__(self, shooting: Shooting, monitor: TestFunction) -> None:
-        super().__init__(shooting, monitor)
+    def __init__(self, equations: Any, monitor: TestFunction) -> None:
+        super().__init__(equations, monitor)
         self._border: tuple[Floats, Floats] | None = None
         self._vectors: CriticalVectors | None = None
 
@@ -275,7 +282,7 @@ class BorderedCondition(DefiningSystem):
         """Return the critical vectors."""
         if self._vectors is None or self._vectors.point is not point:
             self._vectors = CriticalVectors(
-                self.shooting, point, self.multiplier, plain_derivatives
+                self.equations, point, self.multiplier, plain_derivatives
             )
         return self._vectors
 
@@ -336,6 +343,8 @@ class TestFunction(ABC):
 
     ends_orbits: ClassVar[bool] = False
     """Whether the orbit is inadmissible where the value is negative."""
+    may_jump: ClassVar[bool] = False
+    """Whether the value may jump through zero along a curve."""
     condition: ClassVar[type[DefiningSystem] | None] = None
     """Class of the defining system of its curves, if it has one."""
 
@@ -351,9 +360,37 @@ class TestFunction(ABC):
             Tangent of the branch.
         """
 
-    def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
+    def on_curve(self, condition: DefiningSystem, point: Any) -> float | None:
         """Return the value at a point of the curve with this defining system."""
-        return self.value(condition.shooting, point, np.zeros(1))
+        return self.value(condition.equations, point, np.zeros(1))
+
+    def zero_on_curve(
+        self, condition: DefiningSystem, step: PredictorStep[Any], length: float
+    ) -> float | None:
+        """Return the position of a zero in a step of the curve; None if it is not confirmed.
+
+        Raises
+        ------
+        ValueError
+            If no zero is found.
+        """
+
+        def value(point: Any) -> float:
+            found = self.on_curve(condition, point)
+            if found is None:
+                raise ValueError(self)
+            return found
+
+        return step.zero(value, length)
+
+    def is_zero(self, condition: DefiningSystem, point: Any) -> bool:
+        """Return whether a change of sign on a curve is a zero."""
+        return True
+
+    @property
+    def name(self) -> str:
+        """Name of a zero on a curve."""
+        return self.kind
 
     def equation(self, shooting: Shooting) -> DefiningSystem:
         """Return the defining system of its curves in two parameters."""
@@ -556,6 +593,7 @@ def orbit_tests(
 
 # --- Points of codimension two
 
+CUSP = "cusp"
 PLUS, MINUS, PAIR = "multiplier +1", "multiplier -1", "pair of multipliers on the circle"
 COSINES = {"1:1": 1.0, "1:2": -1.0, "1:3": -0.5, "1:4": 0.0}
 """Cosine of the angle of a pair on the unit circle, by its resonance."""
@@ -574,6 +612,13 @@ CODIMENSION_TWO_NAMES = {
     (NEIMARK_SACKER, PAIR): "double Neimark-Sacker",
 }
 """Names that are not composed of those of the curve and of the test function."""
+
+
+class CurveTest(TestFunction):
+    """A test function that is defined on curves only, for their points of codimension two."""
+
+    def value(self, equations: Any, point: Any, direction: Floats) -> None:
+        """Return None."""
 
 
 @dataclass(frozen=True)
@@ -627,11 +672,15 @@ class MultiplierTest(TestFunction):
         others = [np.prod(np.delete(factors, k)) for k in range(factors.size)]
         return float(np.sum(others).real)
 
-    def is_zero(self, multipliers: Complexes) -> bool:
+    def is_zero(self, condition: DefiningSystem, point: Any) -> bool:
         """Return whether a change of sign is a zero.
 
         The value may change its sign at infinity, or at two real multipliers with product one.
         """
+        return self.crosses(multipliers_at(condition.equations, point))
+
+    def crosses(self, multipliers: Complexes) -> bool:
+        """Return whether one of the multipliers, or a pair, is at its critical value."""
         if self.test == PAIR:
             if self.kind == NEIMARK_SACKER:
                 multipliers = np.delete(multipliers, neutral_pair(multipliers)[:2])
@@ -644,19 +693,18 @@ class MultiplierTest(TestFunction):
 
 
 @dataclass(frozen=True)
-class CuspTest(TestFunction):
-    """The quadratic coefficient of a fold, zero at a cusp."""
+class CuspTest(CurveTest):
+    """The quadratic coefficient of a fold, zero at a cusp.
 
-    kind: str = FOLD
-    name: ClassVar[str] = "cusp"
+    Where only the derivative by the first parameter changes its sign, it jumps.
+    """
 
-    def value(self, equations: Any, point: Any, direction: Floats) -> None:
-        """Return None: the coefficient is defined on curves of folds only."""
+    kind: str = CUSP
+    may_jump: ClassVar[bool] = True
 
-    def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float:
-        """Return the coefficient."""
-        assert isinstance(condition, FoldCondition)
-        return condition.curvature(point)
+    def on_curve(self, condition: Any, point: Any) -> float:
+        """Return the coefficient, by the defining system of the fold."""
+        return float(condition.curvature(point))
 
 
 def curve_tests(kind: str) -> tuple[MultiplierTest | CuspTest, ...]:

@@ -127,8 +127,8 @@ def test_the_name_follows_from_what_is_followed_and_what_is_met(kind, test, own,
 
     inside, outside = (met.of(multipliers(size)) for size in (0.999, 1.001))
     assert inside * outside < 0.0
-    assert met.is_zero(multipliers(1.0 + 1e-6))
+    assert met.crosses(multipliers(1.0 + 1e-6))
     for other in curve_tests(kind):
         if isinstance(other, MultiplierTest) and other != met:
             same = other.of(multipliers(0.999)), other.of(multipliers(1.001))
-            assert same[0] * same[1] > 0.0 or not other.is_zero(multipliers(1.0))
+            assert same[0] * same[1] > 0.0 or not other.crosses(multipliers(1.0))

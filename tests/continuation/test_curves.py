@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import expm
 
 from mems_impact.continuation.arclength import StepControl
-from mems_impact.continuation.codim1_curve import follow_curve
 from mems_impact.continuation.orbit_branch import follow
+from mems_impact.continuation.orbit_curve import follow_curve
 from mems_impact.continuation.test_functions import MultiplierTest
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.orbit_search import find_periodic_orbit
@@ -176,7 +176,7 @@ def test_fold_curve_in_closed_form():
         assert curve.ended == "omega reached its bound"
         assert curve.values(curve.points[-1])[1] == pytest.approx(bound, abs=1e-12)
         for point in curve.points:
-            amplitude, omega = point.values
+            amplitude, omega = curve.values(point)
             assert amplitude == pytest.approx(Exact(omega=omega).fold(), abs=1e-9)
 
 
@@ -192,7 +192,7 @@ def test_curve_of_period_doublings_in_closed_form():
     )
     assert curve.ended == "omega reached its bound"
     for point in curve.points:
-        amplitude, omega = point.values
+        amplitude, omega = curve.values(point)
         assert amplitude == pytest.approx(Exact(omega=omega).doubling(), abs=1e-8)
 
 
@@ -205,7 +205,7 @@ def test_grazing_curve_in_closed_form(second, bound):
     curve = follow_curve(special(branch, "grazing")[0], "amplitude", second, low=0.01, high=bound)
     assert curve.values(curve.points[-1])[1] == pytest.approx(bound, abs=1e-12)
     for point in curve.points:
-        amplitude, value = point.values
+        amplitude, value = curve.values(point)
         values = {"omega": exact.omega, "c": exact.c, "d": exact.d, second: value}
         assert amplitude == pytest.approx(Exact(**values).graze, abs=1e-9)
 

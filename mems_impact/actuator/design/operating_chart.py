@@ -45,8 +45,8 @@ from mems_impact.analysis.special_points import CodimensionTwo, GrazingType, Spe
 from mems_impact.continuation import grazing
 from mems_impact.continuation.arclength import StepControl
 from mems_impact.continuation.branch import OrbitBranch, OrbitCurve, OrbitEvent, OrbitPoint
-from mems_impact.continuation.codim1_curve import follow_curve
 from mems_impact.continuation.orbit_branch import points_of
+from mems_impact.continuation.orbit_curve import follow_curve
 from mems_impact.continuation.test_functions import ClosestApproachTest
 from mems_impact.errors import Interrupted, InvalidParameter, OrbitError
 from mems_impact.integrators.options import Options
