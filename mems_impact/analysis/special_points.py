@@ -343,7 +343,8 @@ def only(result: object, solution: object, kind: type[T]) -> T:
     """Return the solution of a result if it is of a kind; else raise AttributeError."""
     if isinstance(solution, kind):
         return solution
-    raise AttributeError(f"{result!r} has no {kind.__name__.lower()}: see its solution")
+    other = "an equilibrium" if isinstance(solution, Equilibrium) else "an orbit"
+    raise AttributeError(f"the solution of {result!r} is {other}")
 
 
 def check_kind(value: object, field: str, kind: type | UnionType, allowed: str) -> None:

@@ -63,7 +63,7 @@ def check_through(branch, phase, *, inwards):
     assert branch.table["admissible"].all()
     # Of the linear oscillator: the second spring is not yet felt.
     decay = cmath.exp(2.0 * math.pi * complex(-0.1, math.sqrt(1.99)))
-    found = sorted(touched.multipliers, key=lambda value: value.imag)
+    found = sorted(touched.orbit.multipliers, key=lambda value: value.imag)
     assert found == pytest.approx([decay.conjugate(), decay], abs=1e-5)
     largest = branch.special_table["largest multiplier"].to_list()
     assert largest == pytest.approx([abs(decay)], abs=1e-5)
