@@ -102,6 +102,9 @@ class Definition:
         constrained, and their projection is generated.
     forced : bool
         Whether the system has a period, which is then that of its flow, margins and constraints.
+    array_size : int or None
+        Functions receive the parameter array itself in place of named parameters, whose first
+        numbers these are; further ones may follow the `hidden_parameters`.
     """
 
     states: tuple[str, ...]
@@ -116,6 +119,7 @@ class Definition:
     sizes: tuple[float, ...] = ()
     constraints: tuple[tuple[int, Callable[..., Any]], ...] = ()
     forced: bool = True
+    array_size: int | None = None
 
     def __reduce__(self) -> Any:
         """Pickle functions by name if they can be imported, otherwise with their code."""
@@ -234,7 +238,7 @@ class _CodeWriter:
         self.n, self.m, self.count = (
             len(definition.states),
             max(1, len(guards)),
-            len(definition.parameters),
+            definition.array_size or len(definition.parameters),
         )
         self.by_array = writes_into_arrays(definition.flow)
         self.timed: list[int] = []
@@ -363,7 +367,8 @@ class _CodeWriter:
 
     def head(self) -> list[str]:
         """Return the lines that construct the named parameters and states."""
-        lines = ["q = Parameters(" + ", ".join(f"p[{i}]" for i in range(self.count)) + ")"]
+        named = "Parameters(" + ", ".join(f"p[{i}]" for i in range(self.count)) + ")"
+        lines = [f"q = {named if self.definition.array_size is None else 'p'}"]
         if not self.by_array:
             lines.append("s = State(" + ", ".join(f"y[{i}]" for i in range(self.n)) + ")")
         return lines

@@ -82,7 +82,8 @@ class System(HybridSystem):
         (``mode.wall``).
     masses : mapping of str to float, str or callable, optional
         Masses of the bodies on which parts act, by velocity: numbers, names of parameters or
-        functions of ``p``; 1 by default.
+        functions of ``p``; 1 by default. If a state is the velocity relative to another body, its
+        mass is given for the sum of both, ``"w + r"``.
     modes : sequence of Mode or str, optional
         All modes, from `modes`; required if there are several and no guard names a mode.
     period : float or callable, optional

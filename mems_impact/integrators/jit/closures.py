@@ -41,7 +41,7 @@ from mems_impact.integrators.jit.numba_support import INNER, JIT, as_reals
 
 __all__ = ["try_compile"]
 
-INLINED_BYTES = 500  # of bytecode: larger generated functions are called
+INLINED_BYTES = 1500  # of bytecode: generated functions that grow larger are called
 
 # --- Snapshots
 
@@ -475,8 +475,11 @@ class Copier:
         if not self._compiles:
             return copy
         # Inlined into each caller, and these into theirs, generated functions grow exponentially.
-        code = copy.__code__
-        is_large = code.co_filename.startswith("<") and len(code.co_code) > INLINED_BYTES
+        size = len(code.co_code) if code.co_filename.startswith("<") else 0
+        called = (space.get(name) for name in _names_of_globals(code))
+        size += sum(getattr(each, "inlined_bytes", 0) for each in called)
+        is_large = size > INLINED_BYTES
+        vars(copy)["inlined_bytes"] = 0 if is_large else size
         options = {**self._options, "forceinline": False} if is_large else self._options
 
         @overload(copy, jit_options=options, strict=False)

@@ -35,7 +35,6 @@ from mems_impact.hybrid.time_dependence import time_error
 from mems_impact.systems.components.base import (
     CodeNames,
     Contact,
-    ContactSides,
     GuardSpec,
     Limit,
     Part,
@@ -95,7 +94,8 @@ class FlowWriter:
             "Modes": named_tuple("Modes", tuple(part.name for part in parts)),
             "time_error": time_error,
         }
-        contacts = [i for i, part in enumerate(parts) if isinstance(part, Contact)]
+        masses, bases = bodies(masses, states)
+        holding = [isinstance(part, Contact) and bool(part.holding_modes) for part in parts]
         self.names = [
             CodeNames(
                 part,
@@ -103,17 +103,20 @@ class FlowWriter:
                 states,
                 parameters,
                 masses,
-                contacts.index(i) if i in contacts else None,
+                sum(holding[:i]) if holds else None,
                 self.space,
+                bases,
             )
-            for i, part in enumerate(parts)
+            for i, (part, holds) in enumerate(zip(parts, holding, strict=True))
         ]
-        self.contacts: list[tuple[CodeNames, Contact, ContactSides]] = [
+        contacts = [
             (names, part, part.sides(names))
             for names, part in zip(self.names, parts, strict=True)
             if isinstance(part, Contact)
         ]
-        self.holding = Holding(self.contacts, len(states))
+        self.forces = [each for each in contacts if each[1].forces(each[0])]
+        self.contacts = [each for each in contacts if each[1].holding_modes]
+        self.holding = Holding(self.contacts, len(states), bases)
         self.frictions = [
             (names, part)
             for names, part in zip(self.names, parts, strict=True)
@@ -130,10 +133,13 @@ class FlowWriter:
 
     def digits(self, mode: str = "mode", name: str = "m") -> list[str]:
         """Return the lines that split a mode into the modes of the parts."""
-        return [
-            f"{name}{i} = {mode} // {stride} % {count}"
-            for i, (stride, count) in enumerate(zip(self.strides, self.counts, strict=True))
-        ]
+        lines = []
+        for i, (stride, count) in enumerate(zip(self.strides, self.counts, strict=True)):
+            digit = f"{mode} // {stride}" if stride > 1 else mode
+            lines.append(
+                f"{name}{i} = {digit}{f' % {count}' if stride * count < self.count else ''}"
+            )
+        return lines
 
     def own_modes(self) -> str:
         """Return the modes of the parts by name, as functions of the user read them."""
@@ -149,22 +155,29 @@ class FlowWriter:
         n = len(self.states)
         lines = [*self.digits(), f"d = flow_of({self.own_modes()}, t, y, p)"]
         lines += [f"d{j} = d[{j}]" for j in range(n)]
-        for names, part, sides in self.contacts:
-            for mode, force in part.law(names).items():
+        lines += self.holding.absolute("d")
+        for names, part, sides in self.forces:
+            for mode, force in part.forces(names).items():
                 lines += [f"if {names.mode} == {mode}:", f"    force = {force}"]
                 lines.append(f"    d{sides.velocity} += force * (1.0 / {sides.mass})")
                 if sides.other_mass is not None:
                     lines.append(
                         f"    d{sides.other_velocity} -= force * (1.0 / {sides.other_mass})"
                     )
-        lines += self.holding.field()
-        results = [*(f"d{j}" for j in range(n)), *self.holding.forces()]
+        forces = [f"x{k}" for k in self.holding.force_index.values()]
+        if forces:
+            held = " or ".join(part.holds(names.mode) for names, part, _ in self.contacts)
+            lines += [f"{' = '.join(forces)} = 0.0", f"if {held}:"]
+            lines += indented([*self.holding.field(), *self.holding.forces()])
+        lines += self.holding.coordinates("d")
+        results = [*(f"d{j}" for j in range(n)), *forces]
         return function("field(mode, t, y, p)", [*lines, f"return ({', '.join(results)},)"])
 
     def alike(self) -> str:
         """Return the source that makes velocities of bodies that move together exactly equal."""
         new = (
-            f"v{j}" if j in self.holding.force_index else f"y[{j}]" for j in range(len(self.states))
+            f"v{j}" if j in self.holding.force_index or j in self.holding.bases else f"y[{j}]"
+            for j in range(len(self.states))
         )
         lines = [*self.digits(), *self.holding.speeds(), f"return State({', '.join(new)})"]
         return function("alike(mode, fired, t, y, p)", lines)
@@ -220,11 +233,16 @@ class FlowWriter:
     def mode_conditions(self) -> str:
         """Return the source of the test whether a mode fits a state."""
         lines = [*self.digits(), *self.digits("before", "last")]
+        for names, part in zip(self.names, self.parts, strict=True):
+            for mode, condition in enumerate(part.state_conditions(names)):
+                if condition != "True":
+                    test = f"{names.mode} == {mode} and not ({condition})"
+                    lines += [f"if given != {names.number} and {test}:", "    return False"]
         lines += self.holding.blocked()
         lines += ["x = slopes(mode, t, y, p)", *self.sliding.conditions()]
         for names, part in zip(self.names, self.parts, strict=True):
             tests: list[str] = []
-            if isinstance(part, Contact):
+            if names.contact is not None:
                 tests += self.holding.room(names)
             for mode, condition in enumerate(part.mode_conditions(names)):
                 test = f"if {names.mode} == {mode} and not ({condition}):"
@@ -253,7 +271,7 @@ class FlowWriter:
             limits += [f"if {names.fired}:", f"    reached = room{names.number}"]
         for names, part in self.frictions:
             near = f"room{names.number} <= reached + {part.rounding(names)}"
-            limits.append(f"slips{names.number} = {names.last} == {part.holding_mode} and {near}")
+            limits.append(f"slips{names.number} = {part.holds(names.last)} and {near}")
             limits.append(f"together += slips{names.number}")
         fired = " or ".join(names.fired for names, _ in self.frictions)
         return [*lines, f"if own >= 0 and ({fired}):", *indented(limits)]
@@ -271,7 +289,7 @@ class FlowWriter:
         many = len(self.parts) + 1
         moved = []
         for i, part in enumerate(self.parts):
-            weight = 1 if isinstance(part, Contact) and part.force_sign else many**2
+            weight = 1 if isinstance(part, Contact) and part.force_signs else many**2
             own_event = f"slips{i}" if isinstance(part, Friction) else f"fired == {i}"
             moved.append(f"{weight} * (not ({own_event}) and m{i} != stays{i})")
             if weight > 1:
@@ -381,7 +399,7 @@ class FlowWriter:
         """Return the lines that define the variables of an expression of a guard."""
         lines = [*self.digits()]
         forces = (names.back, names.front, names.needed)
-        room = isinstance(names.part, Contact) and any(force in expression for force in forces)
+        room = names.contact is not None and any(force in expression for force in forces)
         if "x[" in expression or room:
             lines.append("x = slopes(mode, t, y, p)")
         if room:
@@ -439,12 +457,26 @@ def check(
         allowed = "flow(mode, t, y, p) that returns the derivatives, if parts are given"
         raise InvalidParameter("flow", getattr(flow, "__name__", flow), allowed)
     for velocity in masses:
-        if velocity not in states:
+        if not set(map(str.strip, velocity.split("+"))) <= set(states):
             raise InvalidParameter("masses", velocity, f"velocities among {', '.join(states)}")
     for guard in guards:
         if guard.modes is not None:
             allowed = "None: with parts, a margin reads their modes as mode.name"
             raise InvalidParameter(f"modes of {guard.name!r}", guard.modes, allowed)
+
+
+def bodies(
+    masses: Mapping[str, Quantity], states: Sequence[str]
+) -> tuple[dict[str, Quantity], dict[int, tuple[int, ...]]]:
+    """Return masses by state, and the velocities to which a velocity is relative."""
+    by_velocity: dict[str, Quantity] = {}
+    bases = {}
+    for velocity, mass in masses.items():
+        *others, own = map(str.strip, velocity.split("+"))
+        by_velocity[own] = mass
+        if others:
+            bases[states.index(own)] = tuple(states.index(other) for other in others)
+    return by_velocity, bases
 
 
 def limits(parts: Sequence[Part], masses: Mapping[str, Quantity]) -> tuple[Limit, ...]:

@@ -14,7 +14,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.state import is_number
@@ -166,6 +166,8 @@ class CodeNames:
         Index among the contacts.
     space : dict
         The functions that the source calls, by name.
+    bases : mapping of int to tuple of int
+        The velocities to which a velocity is relative: their sum is the velocity of the body.
     """
 
     part: Part
@@ -175,6 +177,7 @@ class CodeNames:
     masses: Mapping[str, Quantity]
     contact: int | None
     space: dict[str, Any]
+    bases: Mapping[int, tuple[int, ...]]
 
     @property
     def mode(self) -> str:
@@ -254,6 +257,18 @@ class CodeNames:
         """Return the mass of a body as an expression; 1 if forces are per mass."""
         return self.value(f"mass of {velocity}", self.masses.get(velocity, 1.0))
 
+    def coordinates(self, velocities: Mapping[int, str]) -> dict[int, str]:
+        """Return new values of the states from new velocities of bodies, as expressions."""
+        values = {j: new for j, new in velocities.items() if j not in self.bases}
+        for own, bases in sorted(self.bases.items(), key=lambda each: len(each[1])):
+            if own in velocities:
+                given = (values.get(j, f"y[{j}]") for j in bases)
+                values[own] = f"{velocities[own]} - ({' + '.join(given)})"
+            elif any(j in values for j in bases):
+                moved = (f" - ({values[j]} - y[{j}])" for j in bases if j in values)
+                values[own] = f"y[{own}]{''.join(moved)}"
+        return values
+
     def label(self, field: str) -> str:
         """Return the name of a field of the part in errors."""
         return f"{field} of {self.part.name!r}"
@@ -288,14 +303,23 @@ class Part:
 
     name: str
 
-    modes: ClassVar[tuple[str, ...]] = ()
-    """Names of its modes."""
-    signs: ClassVar[tuple[int, ...]] = ()
-    """Value of ``mode.name`` in each of them."""
+    @property
+    @abstractmethod
+    def modes(self) -> tuple[str, ...]:
+        """Names of its modes."""
+
+    @property
+    @abstractmethod
+    def signs(self) -> tuple[int, ...]:
+        """Value of ``mode.name`` in each of them."""
+
+    def state_conditions(self, names: CodeNames) -> list[str]:
+        """Return the conditions of each of its modes that do not use ``x``, tested first."""
+        return ["True"] * len(self.modes)
 
     @abstractmethod
     def mode_conditions(self, names: CodeNames) -> list[str]:
-        """Return the conditions under which each of its modes fits the state, in order.
+        """Return the further conditions under which each of its modes fits the state, in order.
 
         Conditions can use ``x``, `CodeNames.last`, `CodeNames.fired` and ``jumped``, which is 1 if
         an event of another part may have changed the state, or at the start of a run.
@@ -338,6 +362,9 @@ class ContactSides:
         Speed of the other side, as an expression.
     mass, other_mass : str or None
         Their masses; None if no force acts on the other side.
+    plus, minus : tuple of int
+        The velocities whose sum and difference is the relative velocity, without a prescribed
+        speed.
     """
 
     velocity: int
@@ -345,13 +372,20 @@ class ContactSides:
     speed: str
     mass: str
     other_mass: str | None
+    plus: tuple[int, ...]
+    minus: tuple[int, ...]
+
+    @property
+    def is_coordinate(self) -> bool:
+        """Whether the velocity is relative to the other side."""
+        return self.other_velocity is not None and self.plus == (self.velocity,) and not self.minus
 
     @property
     def slip(self) -> str:
         """The relative speed."""
-        return (
-            f"y[{self.velocity}]" if self.speed == "0.0" else f"(y[{self.velocity}] - {self.speed})"
-        )
+        prescribed = self.other_velocity is None and self.speed != "0.0"
+        slip = self.relative("y[{}]")
+        return f"({slip} - {self.speed})" if prescribed else slip
 
     @property
     def drift(self) -> str:
@@ -363,9 +397,9 @@ class ContactSides:
 
     def relative(self, slope: str) -> str:
         """Return the relative acceleration for derivatives ``slope[j]``."""
-        if self.other_velocity is None:
-            return slope.format(self.velocity)
-        return f"({slope.format(self.velocity)} - {slope.format(self.other_velocity)})"
+        total = " + ".join(map(slope.format, self.plus))
+        total += "".join(f" - {slope.format(j)}" for j in self.minus)
+        return total if len(self.plus + self.minus) == 1 else f"({total})"
 
     @property
     def share(self) -> str:
@@ -375,8 +409,8 @@ class ContactSides:
     @property
     def zero_slip(self) -> str:
         """Whether the relative speed is zero to rounding."""
-        if self.speed == "0.0":
-            return f"y[{self.velocity}] == 0.0"
+        if self.slip == f"y[{self.velocity}]":
+            return f"{self.slip} == 0.0"
         size = f"(abs(y[{self.velocity}]) + abs({self.speed}))"
         return f"abs({self.slip}) <= {ZERO_SPEED_RATIO} * {size}"
 
@@ -385,13 +419,19 @@ class ContactSides:
 class Contact(Part):
     """A part that acts on a velocity and holds it in one of its modes."""
 
-    holding_mode: ClassVar[int]
-    """The mode in which its force keeps the relative speed at zero."""
+    @property
+    @abstractmethod
+    def holding_modes(self) -> tuple[int, ...]:
+        """The modes in which its force keeps the relative speed at zero."""
 
     @property
-    def force_sign(self) -> int:
-        """The sign of its force on its velocity where it holds; 0 for either sign."""
-        return 0
+    def force_signs(self) -> Mapping[int, int]:
+        """The sign of its force on its velocity by holding mode; empty for either sign."""
+        return {}
+
+    def holds(self, mode: str) -> str:
+        """Return whether it holds in a mode, as an expression."""
+        return " or ".join(f"{mode} == {each}" for each in self.holding_modes)
 
     @abstractmethod
     def sides(self, names: CodeNames) -> ContactSides:
@@ -401,26 +441,23 @@ class Contact(Part):
     def holding_condition(self, names: CodeNames) -> str:
         """Return whether it could hold: it is closed and the relative speed is zero."""
 
-    @property
     @abstractmethod
-    def motion_signs(self) -> Mapping[int, int]:
-        """The sign of the relative motion that starts from rest, for each other mode."""
+    def motion_signs(self, names: CodeNames) -> Mapping[int, str]:
+        """Return the sign of the relative motion that starts from rest, by other mode."""
 
     def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraint of zero relative speed where it holds."""
         sides = self.sides(names)
-        slopes = (
-            {sides.velocity: "1.0"}
-            if sides.other_velocity is None
-            else {sides.velocity: "1.0", sides.other_velocity: "-1.0"}
-        )
-        return [Constraint(mode=self.holding_mode, value=sides.slip, slopes=slopes)]
+        slopes = {**dict.fromkeys(sides.plus, "1.0"), **dict.fromkeys(sides.minus, "-1.0")}
+        return [
+            Constraint(mode=mode, value=sides.slip, slopes=slopes) for mode in self.holding_modes
+        ]
 
     @abstractmethod
-    def force_limits(self, names: CodeNames) -> tuple[str, str]:
-        """Return the limits of the force on ``on``, backward and forward; empty for zero."""
+    def force_limits(self, names: CodeNames) -> dict[int, tuple[str, str]]:
+        """Return the limits of the force backward and forward, by holding mode."""
 
-    def law(self, names: CodeNames) -> dict[int, str]:
+    def forces(self, names: CodeNames) -> dict[int, str]:
         """Return the forces on its velocity in the other modes, if any."""
         return {}
 
@@ -428,9 +465,19 @@ class Contact(Part):
 def sides(names: CodeNames, velocity: str, other: Quantity, field: str) -> ContactSides:
     """Return the sides of a contact between a velocity and another velocity or a speed."""
     index = names.index("velocity", velocity)
-    mass = names.mass(velocity)
+    mass, plus = names.mass(velocity), (index, *names.bases.get(index, ()))
     if isinstance(other, str) and other in names.states:
-        other_velocity = names.index(field, other)
+        number = names.index(field, other)
         driven = names.mass(other) if other in names.masses else None
-        return ContactSides(index, other_velocity, f"y[{other_velocity}]", mass, driven)
-    return ContactSides(index, None, names.value(field, other), mass, None)
+        minus = (number, *names.bases.get(number, ()))
+        speed = " + ".join(f"y[{j}]" for j in minus)
+        return ContactSides(
+            index,
+            number,
+            speed if len(minus) == 1 else f"({speed})",
+            mass,
+            driven,
+            tuple(j for j in plus if j not in minus),
+            tuple(j for j in minus if j not in plus),
+        )
+    return ContactSides(index, None, names.value(field, other), mass, None, plus, ())

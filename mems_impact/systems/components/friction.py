@@ -97,6 +97,9 @@ class Friction(Contact):
     static : float, str or callable, optional
         The coefficient of static friction: a number, a parameter or ``static(p)``, at least `mu`
         at zero speed, the default.
+    sticks : bool, optional
+        False for friction that vanishes with the speed, such as ``mu_d tanh(speed / width)``: the
+        body creeps under any load. True by default.
     surface : float, str or callable, optional
         The speed of the other side: a number (0 by default), a parameter, ``surface(p)``, or
         another velocity of the system. If this velocity has a mass, the reaction acts on it.
@@ -127,11 +130,12 @@ class Friction(Contact):
     mu: Quantity | Stribeck = field(kw_only=True)
     normal: Quantity = field(default=1.0, kw_only=True)
     static: Quantity | None = field(default=None, kw_only=True)
+    sticks: bool = field(default=True, kw_only=True)
     surface: Quantity = field(default=0.0, kw_only=True)
 
     modes: ClassVar[tuple[str, ...]] = ("stuck", "forward", "backward")
     signs: ClassVar[tuple[int, ...]] = (0, 1, -1)
-    holding_mode: ClassVar[int] = STUCK
+    holding_modes: ClassVar[tuple[int, ...]] = (STUCK,)
 
     def sides(self, names: CodeNames) -> ContactSides:
         """Return the body and the surface on which it slides."""
@@ -151,7 +155,7 @@ class Friction(Contact):
         normal = names.value("normal", self.normal, "t, y, p")
         return f"{names.value('static', self.static)} * {normal}"
 
-    def law(self, names: CodeNames) -> dict[int, str]:
+    def forces(self, names: CodeNames) -> dict[int, str]:
         """Return the friction forces during sliding."""
         slip = self.sides(names).slip
         return {
@@ -159,14 +163,13 @@ class Friction(Contact):
             BACKWARD: self.sliding(names, f"-{slip}"),
         }
 
-    def force_limits(self, names: CodeNames) -> tuple[str, str]:
+    def force_limits(self, names: CodeNames) -> dict[int, tuple[str, str]]:
         """Return the static limit, for both directions."""
-        return self.limit(names), self.limit(names)
+        return {STUCK: (self.limit(names), self.limit(names))}
 
-    @property
-    def motion_signs(self) -> Mapping[int, int]:
-        """The sign of the relative speed."""
-        return {FORWARD: 1, BACKWARD: -1}
+    def motion_signs(self, names: CodeNames) -> Mapping[int, str]:
+        """Return the sign of the relative speed."""
+        return {FORWARD: "1", BACKWARD: "-1"}
 
     def holding_condition(self, names: CodeNames) -> str:
         """Return whether the relative speed is zero."""
@@ -181,6 +184,17 @@ class Friction(Contact):
         """Return the distance of the holding force from its limit."""
         return f"min({names.back}, {names.front})"
 
+    def state_conditions(self, names: CodeNames) -> list[str]:
+        """Return the conditions on the relative speed."""
+        holding = self.holding_condition(names)
+        # If no event has changed the state, it keeps its direction of sliding despite rounding.
+        slides = f"{names.last} == {{}} if jumped == 0 else {self.sides(names).slip} {{}} 0.0"
+        return [
+            holding if self.sticks else "False",
+            f"{holding} or ({slides.format(FORWARD, '>')})",
+            f"{holding} or ({slides.format(BACKWARD, '<')})",
+        ]
+
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of sticking, sliding forward and sliding backward."""
         sides, holding = self.sides(names), self.holding_condition(names)
@@ -188,17 +202,16 @@ class Friction(Contact):
         room = f"({NEAR_LIMIT} * ({self.limit(names)}) * {sides.share} + {sides.drift})"
         # At its limit a contact stays only if others have taken over the load.
         threshold = f"({rounding} if {names.fired} and {names.last} == {STUCK} else -{rounding})"
-        # If no event has changed the state, it keeps its direction of sliding despite rounding.
-        slides = f"{names.last} == {{}} if jumped == 0 else {sides.slip} {{}} 0.0"
         return [
-            f"{holding} and {self.room(names)} >= {threshold}",
-            f"{gain} >= -{room} if {holding} else ({slides.format(FORWARD, '>')})",
-            f"{gain} <= {room} if {holding} else ({slides.format(BACKWARD, '<')})",
+            f"{self.room(names)} >= {threshold}",
+            f"{gain} >= -{room} or not {holding}",
+            f"{gain} <= {room} or not {holding}",
         ]
 
     def preferred_mode(self, names: CodeNames) -> str:
         """Return the mode before, or stuck if the body comes to rest."""
-        return f"({STUCK} if own < 0 and {self.holding_condition(names)} else {names.last})"
+        rests = f"own < 0 and {self.holding_condition(names)}"
+        return f"({STUCK} if {rests} else {names.last})" if self.sticks else names.last
 
     def limits(self) -> list[Limit]:
         """Return the limits of the quantities that do not depend on the state."""

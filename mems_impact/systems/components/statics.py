@@ -18,9 +18,10 @@ force of holding contacts on body k.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from mems_impact.hybrid.definition import indented
 from mems_impact.systems.components.base import CodeNames, Contact, ContactSides
 
 __all__ = ["Holding"]
@@ -188,10 +189,14 @@ class Holding:
         Names, part and sides of each.
     n : int
         Number of states.
+    bases : mapping of int to tuple of int
+        The velocities to which a velocity is relative.
     """
 
-    def __init__(self, contacts: Sequence[_Contact], n: int) -> None:
-        self.contacts = contacts
+    def __init__(
+        self, contacts: Sequence[_Contact], n: int, bases: Mapping[int, tuple[int, ...]]
+    ) -> None:
+        self.contacts, self.bases = contacts, bases
         self.groups = groups([sides for _, _, sides in contacts])
         bodies = [body for group in self.groups for body in group.bodies]
         self.force_index = {body: n + k for k, body in enumerate(bodies)}
@@ -240,23 +245,25 @@ class Holding:
         for group in self.groups:
             lines += self.joined(
                 group,
-                {
-                    i: f"{names.mode} == {part.holding_mode}"
-                    for i, (names, part, _) in self.contacts_of(group)
-                },
+                {i: part.holds(names.mode) for i, (names, part, _) in self.contacts_of(group)},
             )
             for body in group.bodies:
                 lines += [f"mass{body} = {self.masses[body]}", f"free{body} = d{body}"]
             for k, body in enumerate(group.bodies):
-                lines.append(f"mass, gain = mass{body}, 0.0")
-                for other in group.bodies[k + 1 :]:
-                    lines += [
+                # Exactly equal for all of them, so that nothing drifts.
+                lines.append(f"common{body} = free{body}")
+                others = group.bodies[k + 1 :]
+                total = [f"mass, gain = mass{body}, 0.0"]
+                for other in others:
+                    total += [
                         f"if label{other} == {k}:",
                         f"    mass += mass{other}",
                         f"    gain += mass{other} * (free{other} - free{body})",
                     ]
-                # Exactly equal for all of them, so that nothing drifts.
-                lines.append(f"common{body} = free{body} + gain / mass")
+                total.append(f"common{body} += gain / mass")
+                if others:
+                    joined = " or ".join(f"label{other} == {k}" for other in others)
+                    lines += [f"if {joined}:", *indented(total)]
             for i, speed in enumerate(group.grounds):
                 prescribed = next(
                     sides.other_velocity
@@ -269,8 +276,22 @@ class Holding:
         return lines
 
     def forces(self) -> list[str]:
-        """Return the holding forces on the bodies, after `field`."""
-        return [f"mass{body} * (d{body} - free{body})" for body in self.force_index]
+        """Return the lines that compute the holding forces on the bodies, after `field`."""
+        return [
+            f"x{index} = mass{body} * (d{body} - free{body})"
+            for body, index in self.force_index.items()
+        ]
+
+    def absolute(self, name: str) -> list[str]:
+        """Return the lines that add the velocities to which a velocity is relative, or rates."""
+        return [
+            f"{name}{own} += {' + '.join(f'{name}{j}' for j in bases)}"
+            for own, bases in sorted(self.bases.items(), key=lambda each: -len(each[1]))
+        ]
+
+    def coordinates(self, name: str) -> list[str]:
+        """Return the lines that are the inverse of `absolute`."""
+        return [line.replace("+=", "-= (") + ")" for line in reversed(self.absolute(name))]
 
     def contacts_of(self, group: Group) -> list[tuple[int, _Contact]]:
         """Return the contacts of a group by number."""
@@ -283,18 +304,27 @@ class Holding:
         of contact ``fired``, which just comes to rest. The speed of the ground has priority, then
         the speed of the first body of a group.
         """
-        lines = []
+        bodies = {j for own, bases in self.bases.items() for j in (own, *bases)}
+        bodies |= self.force_index.keys()
+        lines = [f"v{j} = y[{j}]" for j in sorted(bodies)]
+        lines += self.absolute("v")
+        lines += [f"old{own} = v{own}" for own in self.bases]
         for group in self.groups:
             alike = {}
             for i, (names, part, sides) in self.contacts_of(group):
-                alike[i] = f"{names.mode} == {part.holding_mode} or fired == {names.number}"
-                if not part.force_sign:
+                alike[i] = f"{part.holds(names.mode)} or fired == {names.number}"
+                if not part.force_signs:
                     alike[i] += f" or {sides.zero_slip}"
             lines += self.joined(group, alike)
             for i, speed in enumerate(group.grounds):
                 lines.append(f"ground{i} = {speed}")
             for body in group.bodies:
-                lines.append(f"v{body} = {self.choice(group, body, 'y[{}]', 'ground{}')}")
+                lines.append(f"v{body} = {self.choice(group, body, 'v{}', 'ground{}')}")
+        lines += [f"same{own} = v{own} == old{own}" for own in self.bases]
+        lines += self.coordinates("v")
+        for own, bases in self.bases.items():
+            same = " and ".join([f"same{own}", *(f"v{j} == y[{j}]" for j in bases)])
+            lines += [f"if {same}:", f"    v{own} = y[{own}]"]
         return lines
 
     def blocked(self) -> list[str]:
@@ -308,7 +338,7 @@ class Holding:
             names, part, _ = self.contacts[i]
             each = (
                 f"{sign} if {names.mode} == {mode} else "
-                for mode, sign in part.motion_signs.items()
+                for mode, sign in part.motion_signs(names).items()
             )
             lines.append(f"way{i} = {''.join(each)}0")
             # A moving contact is not part of a ring at rest.
@@ -321,7 +351,7 @@ class Holding:
             rubs = [
                 direction
                 for i, direction in directions.items()
-                if not self.contacts[i][1].force_sign
+                if not self.contacts[i][1].force_signs
             ]
             around = " and ".join(f"0 <= {direction} <= 1" for direction in directions.values())
             slides = " or ".join(f"{direction} == 1" for direction in rubs) or "False"
@@ -342,10 +372,13 @@ class Holding:
         cuts = [cut for cut in group.cuts if number in cut.across]
         for i in sorted({i for cut in cuts for i in cut.across}):
             other, part, _ = self.contacts[i]
-            holding = f"{other.mode} == {part.holding_mode}"
-            for side, limit in zip(("back", "front"), part.force_limits(other), strict=True):
-                name = f"{side}_of{i}"
-                lines.append(f"{name} = {f'{limit} if {holding} else ' if limit else ''}0.0")
+            for k, side in enumerate(("back", "front")):
+                limits = (
+                    f"{each[k]} if {other.mode} == {mode} else "
+                    for mode, each in part.force_limits(other).items()
+                    if each[k] != "0.0"
+                )
+                lines.append(f"{side}_of{i} = {''.join(limits)}0.0")
         backs, fronts, needs = [], [], []
         _, part, _ = self.contacts[number]
         for cut in cuts:
@@ -355,14 +388,18 @@ class Holding:
             low, high = f"({force}) + ({lowest})", f"({highest}) - ({force})"
             backs.append(low if sign > 0 else high)
             fronts.append(high if sign > 0 else low)
-            direction = sign * part.force_sign
-            others = self.borne(cut, direction, number)
-            less = f" - ({' + '.join(others)})" if others else ""
-            needs.append(f"{'-' if direction < 0 else ''}({force}){less}")
+            by_mode = ""
+            for mode, direction in part.force_signs.items():
+                direction *= sign
+                others = self.borne(cut, direction, number)
+                less = f" - ({' + '.join(others)})" if others else ""
+                need = f"{'-' if direction < 0 else ''}({force}){less}"
+                by_mode += f" if {names.mode} != {mode} else {need}" if by_mode else need
+            needs.append(by_mode)
         sizes = [f"abs(x[{self.force_index[body]}])" for body in group.bodies]
         sizes += [f"abs({self.masses[body]} * x[{body}])" for body in group.bodies]
         lines.append(f"{names.size} = {' + '.join(sizes)}")
-        if part.force_sign:
+        if part.force_signs:
             lines.append(f"{names.needed} = {_of('max', [*needs, f'-{names.size}'])}")
         else:
             lines.append(f"{names.back} = {_of('min', backs)}")

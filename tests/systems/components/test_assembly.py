@@ -277,7 +277,7 @@ def test_a_mass_of_zero_and_a_line_of_the_users_that_fails_where_a_run_starts():
 
 def test_mistakes_of_one_part():
     with pytest.raises(
-        mi.InvalidParameter, match=r"upper, lower of 's' = .*: must be exactly one of the two"
+        mi.InvalidParameter, match=r"upper, lower of 's' = .*: must be one of the two, or both"
     ):
         mi.Stopper("s", "x", "v", restitution=1.0)
     with pytest.raises(mi.InvalidParameter, match="rate of 's' = None: must be a function rate"):

@@ -223,3 +223,20 @@ def test_an_orbit_that_sticks_has_the_multiplier_of_its_map():
     ]
     by_differences = (around[0].final.x - around[1].final.x) / 2e-5
     assert orbit.multipliers.real == pytest.approx([by_differences], rel=1e-6)
+
+
+def test_friction_without_sticking_creeps():
+    creeping = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, 0.3),
+        parts=[
+            mi.Friction(
+                "ground", "v", mu=lambda u, p: 0.5 * math.tanh(u / 0.01), normal=2.0, sticks=False
+            )
+        ],
+    )
+    run = mi.simulate(
+        creeping, duration=2.0, options=mi.Options(engine="interpreted", method="bdf")
+    )
+    assert run.final.mode == "forward"
+    assert run.final.v == pytest.approx(0.01 * math.atanh(0.3), rel=1e-6)

@@ -139,3 +139,116 @@ def test_an_orbit_and_its_grazing_are_those_of_the_system_written_by_hand():
     assert labels == ["PD", "G"]
     exact = math.sqrt((1.0 - 0.64) ** 2 + (0.1 * 0.8) ** 2)
     assert branch.special_points[-1].value == pytest.approx(exact, abs=1e-9)
+
+
+def free(mode, t, y, p):
+    return y.v, 0.0
+
+
+def test_restitution_may_depend_on_the_impact_speed():
+    ball = mi.System(
+        states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -1.0), initial={"x": 2.0},
+        parameters={"c": 4.0},
+        parts=[mi.Stopper("floor", "x", "v", lower=0.0, restitution=lambda u, p: p.c / (p.c + u))],
+    )  # fmt: skip
+    run = mi.simulate(ball, duration=6.0, options=PLAIN)
+    speeds = [2.0, 2.0 / 1.5]  # of the first two impacts: a rebound with the speed u lasts 2 u
+    assert run.impacts["v after"].iloc[0] == pytest.approx(speeds[1], rel=1e-9)
+    assert run.impacts["t"].diff().iloc[1] == pytest.approx(2.0 * speeds[1], rel=1e-9)
+    assert run.impacts["v after"].iloc[1] == pytest.approx(
+        speeds[1] / (1.0 + speeds[1] / 4.0), rel=1e-9
+    )
+
+
+def test_adhesion_holds_a_body_up_to_the_pull_off_force():
+    lifted = mi.System(
+        states=("x", "v", "lift"),
+        flow=lambda mode, t, y, p: (y.v, y.lift - 1.0, 0.5),
+        initial={"x": 0.0},
+        parameters={"sticky": 0.75},
+        parts=[mi.Stopper("floor", "x", "v", lower=0.0, restitution=0.5, adhesion="sticky")],
+    )
+    run = mi.simulate(lifted, duration=4.0, options=PLAIN)
+    assert run.events["event"].tolist() == ["floor lets go"]
+    assert run.events["t"].tolist() == pytest.approx([1.75 / 0.5], rel=1e-12)
+    # A body at rest under less than the pull-off force stays.
+    resting = mi.simulate(lifted, duration=0.4, initial={"x": 0.0, "lift": 1.5}, options=PLAIN)
+    assert resting.final == mi.State(x=0.0, v=0.0, lift=1.7, mode="held")
+
+
+def test_a_body_between_two_stops_loses_speed_at_both():
+    rattling = mi.System(
+        states=("x", "v"), flow=free, initial={"x": 0.0, "v": 3.0},
+        parts=[mi.Stopper("clearance", "x", "v", lower=-1.0, upper=0.5, restitution=0.8)],
+    )  # fmt: skip
+    run = mi.simulate(rattling, duration=2.5, options=PLAIN)
+    first = 0.5 / 3.0
+    times = [first, first + 1.5 / 2.4, first + 1.5 / 2.4 + 1.5 / 1.92]
+    assert run.impacts["t"].tolist() == pytest.approx(times, rel=1e-9)
+    sides = [f"clearance {side}" for side in ("upper", "lower", "upper")]
+    assert run.impacts["event"].tolist() == sides
+
+
+def test_a_body_rests_on_either_of_two_stops():
+    shaken = mi.System(
+        states=("x", "v"), initial={"x": 0.0}, period=10.0, switches=(5.0, 10.0),
+        flow=lambda mode, t, y, p: (y.v, 1.0 if t < 5.0 else -2.0),
+        parts=[mi.Stopper("box", "x", "v", lower=-1.0, upper=1.0, restitution=0.0)],
+    )  # fmt: skip
+    run = mi.simulate(shaken, duration=9.0, options=PLAIN)
+    crossing = math.sqrt(2.0)  # over the distance 2 at the acceleration 2
+    assert run.events["t"].tolist() == pytest.approx([0.0, math.sqrt(2.0), 5.0, 5.0 + crossing])
+    assert run.events["mode after"].tolist() == ["free", "upper", "free", "lower"]
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+def test_a_compliant_stopper_pushes_and_does_not_pull(damping):
+    k, c, speed = 25.0, 2.0 * damping * 5.0, 1.5
+    bumper = mi.System(
+        states=("x", "v"), flow=free, initial={"x": 0.0, "v": speed},
+        parameters={"k": k, "c": c},
+        parts=[mi.Stopper("pad", "x", "v", upper=1.0, law=lambda s, u, p: p.k * s + p.c * u)],
+    )  # fmt: skip
+    run = mi.simulate(bumper, duration=5.0, options=PLAIN)
+    # Until the force k s + c s' is zero, s is that of a damped oscillator.
+    decay, swing = damping * 5.0, 5.0 * math.sqrt(1.0 - damping**2)
+    end = (math.pi - math.atan2(c * swing, k - c * decay)) / swing
+    depth = speed / swing * math.exp(-decay * end) * math.sin(swing * end)
+    leaving = -k / c * depth if c else -speed
+    assert run.final.v == pytest.approx(leaving, rel=1e-6)
+    start, stop = run.events["t"]
+    assert start == pytest.approx(1.0 / speed, rel=1e-9)
+    assert stop == pytest.approx(start + end + depth / -leaving, rel=1e-6)
+    assert run.events["mode after"].tolist() == ["contact", "free"]
+
+
+@pytest.mark.parametrize("e", [0.8, 0.0])
+def test_velocities_may_be_relative(e):
+    """A block in a frame that friction holds, by its velocity in the frame and on the ground."""
+
+    def absolute(mode, t, y, p):
+        force = math.cos(t) - y.u
+        return y.v - y.w, force / 2.0, y.w, -force / 5.0
+
+    def relative(mode, t, y, p):
+        force = math.cos(t) - y.u
+        return y.r, force / 2.0 + force / 5.0, y.w, -force / 5.0
+
+    common = {"period": 2.0 * math.pi, "parameters": {"mu": 0.1}}
+    stops = {"upper": 0.4, "lower": -0.5, "restitution": e, "against": "w"}
+    ground = mi.Friction("ground", "w", mu="mu")
+    one = mi.System(
+        states=("u", "v", "z", "w"), flow=absolute, masses={"v": 2.0, "w": 5.0},
+        parts=[mi.Stopper("stops", "u", "v", **stops), ground], **common,
+    )  # fmt: skip
+    other = mi.System(
+        states=("u", "r", "z", "w"), flow=relative, masses={"w + r": 2.0, "w": 5.0},
+        parts=[mi.Stopper("stops", "u", "r", **stops), ground], **common,
+    )  # fmt: skip
+    runs = [mi.simulate(system, periods=4, options=PLAIN) for system in (one, other)]
+    events = [run.events for run in runs]
+    assert len(events[0]) > 8
+    assert events[0]["event"].tolist() == events[1]["event"].tolist()
+    assert events[0]["t"].tolist() == pytest.approx(events[1]["t"].tolist(), abs=1e-7)
+    assert runs[0].final.z == pytest.approx(runs[1].final.z, abs=1e-7)
+    assert runs[0].final.v == pytest.approx(runs[1].final.r + runs[1].final.w, abs=1e-7)
