@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from functools import cache
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -24,6 +22,7 @@ from mems_impact.integrators.derivatives import (
     digamma,
     of_numpy,
 )
+from mems_impact.integrators.substitution import Substitution
 
 __all__ = [
     "FUNCTIONS",
@@ -354,31 +353,16 @@ def after(given: Any, time: Any) -> Any:
     return getattr(given, "_make", list)([after(each, time) for each in given])
 
 
-@cache
-def _closures() -> Any:
-    return import_module("mems_impact.integrators.jit.closures")
-
-
-_copies: dict[Any, tuple[Any, Any]] = {}
-
-
-def copy_for_tangents(function: Any) -> Any:
-    """Return a copy of a function that takes interpreted numbers with tangents."""
-    closures = _closures()
-    snapshot = closures.take_snapshot(function, contents=False)
-    last, copy = _copies.get(function, (None, None))
-    if snapshot is not last:
-        copier = closures.Copier(_SUBSTITUTES, of_library=FUNCTIONS, compiles=False)
-        copy = copier.function(function)
-        _copies[function] = snapshot, copy
-    return copy
-
-
-_SUBSTITUTES = {
-    **library.FUNCTIONS,
-    **FUNCTIONS,
-    **{each: library.FUNCTIONS[each] for each in (math.hypot, math.log)},  # of further arguments
-}
+copy_for_tangents = Substitution(
+    {
+        **library.FUNCTIONS,
+        **FUNCTIONS,
+        **{each: library.FUNCTIONS[each] for each in (math.hypot, math.log)},  # of more arguments
+    },
+    FUNCTIONS,
+    __name__,
+).function
+"""Return a copy of a function that takes interpreted numbers with tangents."""
 
 # --- Numbers in memory
 

@@ -102,7 +102,7 @@ class Snapshot:
         once per process, even if its dependencies change. Snapshots with the same function, with
         the same dependencies, share its copy, so that numba compiles it once.
         """
-        copier = Copier(SUBSTITUTES, **options)
+        copier = Copier(**options)
         with _registration_lock:
             return [copier.function(function) for function in self.functions]
 
@@ -112,16 +112,14 @@ _Reads = list[tuple[Callable[[str], Any], str, Any]]
 # The last snapshot of some functions, with its distinct dependencies as three columns, which every
 # run of a compiled engine compares without a Python loop.
 _Columns = tuple[tuple[Callable[[str], Any], ...], tuple[str, ...], tuple[Any, ...]]
-_snapshots: dict[tuple[Callable[..., Any], ...], tuple[Snapshot, _Columns, bool]] = {}
+_snapshots: dict[tuple[Callable[..., Any], ...], tuple[Snapshot, _Columns]] = {}
 
 
-def take_snapshot(*functions: Callable[..., Any], contents: bool = True) -> Snapshot:
-    """Take a snapshot of `functions`; without `contents`, those of lists and arrays may differ."""
+def take_snapshot(*functions: Callable[..., Any]) -> Snapshot:
+    """Take a snapshot of `functions`."""
     if functions in _snapshots:
-        snapshot, (getters, names, values), mutable = _snapshots[functions]
-        if not (mutable and contents) and all(
-            map(operator.is_, map(operator.call, getters, names), values)
-        ):
+        snapshot, (getters, names, values) = _snapshots[functions]
+        if all(map(operator.is_, map(operator.call, getters, names), values)):
             return snapshot
     reader = _Reader()
     reader.put(sources())
@@ -130,10 +128,10 @@ def take_snapshot(*functions: Callable[..., Any], contents: bool = True) -> Snap
         assert isinstance(function, FunctionType), function
         reader.value(function)
     snapshot = Snapshot(reader.name(), not reader.objects, originals, tuple(reader.objects))
-    unique_reads = {(get, name): value for get, name, value in reader.reads}
-    getters, names = zip(*unique_reads, strict=True) if unique_reads else ((), ())
-    columns = getters, names, tuple(unique_reads.values())
-    _snapshots[functions] = snapshot, columns, reader.arrays  # contents change in place
+    if not reader.arrays:  # whose contents may change in place
+        unique_reads = {(get, name): value for get, name, value in reader.reads}
+        getters, names = zip(*unique_reads, strict=True) if unique_reads else ((), ())
+        _snapshots[functions] = snapshot, (getters, names, tuple(unique_reads.values()))
     return snapshot
 
 
@@ -397,28 +395,13 @@ class Copier:
 
     Parameters
     ----------
-    substitutes : dict
-        Functions of the copies, by those of Python.
-    of_library : dict, optional
-        The same for the functions of `mems_impact.integrators.library`.
-    compiles : bool, optional
-        Whether numba compiles the copies.
     options
-        Of numba, for them.
+        Of numba, for the copies.
     """
 
-    def __init__(
-        self,
-        substitutes: dict[Any, Callable[..., Any]],
-        *,
-        of_library: dict[Any, Callable[..., Any]] | None = None,
-        compiles: bool = True,
-        **options: Any,
-    ) -> None:
-        self._substitutes, self._compiles = substitutes, compiles
-        self._of_library = of_library or {}
+    def __init__(self, **options: Any) -> None:
         self._options = {**JIT, **INNER, **options}
-        self._label = repr((compiles, sorted(options.items())))
+        self._label = repr(sorted(options.items()))
         self._copied: dict[FunctionType, FunctionType] = {}
         self._modules: dict[tuple[ModuleType, tuple[str, ...], bool], ModuleType] = {}
 
@@ -439,8 +422,8 @@ class Copier:
     def _value(self, value: Any, names: tuple[str, ...], library: bool = False) -> Any:
         """Return a value with copies of all functions in it."""
         value = _python_function(value)
-        if isinstance(value, BuiltinFunctionType | type | np.ufunc):
-            value = (self._of_library if library else self._substitutes).get(value, value)
+        if isinstance(value, BuiltinFunctionType | type | np.ufunc) and not library:
+            value = SUBSTITUTES.get(value, value)
         if isinstance(value, FunctionType):
             return self.function(value)
         if isinstance(value, ModuleType):
@@ -449,9 +432,8 @@ class Copier:
         if type(value) is tuple:
             parts = (self._value(part, names, library) for part in value)
             # numba calls functions in a tuple only if they are compiled.
-            compile_part = njit(**JIT) if self._compiles else lambda part: part
             return tuple(
-                compile_part(part) if isinstance(part, FunctionType) else part for part in parts
+                njit(**JIT)(part) if isinstance(part, FunctionType) else part for part in parts
             )
         return value
 
@@ -470,10 +452,8 @@ class Copier:
             cell.cell_contents = self._value(value, names)
         for name, value in _globals(function):
             # The functions of `library` call those of numba.
-            stays = self._compiles and is_of_library and not isinstance(value, FunctionType)
+            stays = is_of_library and not isinstance(value, FunctionType)
             space[name] = value if stays else self._value(value, names, is_of_library)
-        if not self._compiles:
-            return copy
         # Inlined into each caller, and these into theirs, generated functions grow exponentially.
         size = len(code.co_code) if code.co_filename.startswith("<") else 0
         called = (space.get(name) for name in _names_of_globals(code))
