@@ -170,6 +170,7 @@ from .systems.base import HybridSystem as HybridSystem
 from .systems.components.base import Part as Part
 from .systems.components.friction import Friction as Friction
 from .systems.components.friction import Stribeck as Stribeck
+from .systems.components.rate_limit import RateLimit as RateLimit
 from .systems.components.relay import Relay as Relay
 from .systems.components.stopper import Stopper as Stopper
 from .systems.components.switching_surface import SwitchingSurface as SwitchingSurface

@@ -77,9 +77,9 @@ class System(HybridSystem):
     guards : sequence of Guard, optional
         Events that end a mode or are recorded: `Guard` and `Impact`.
     parts : sequence of Part, optional
-        Ready-made components: `Friction`, `Stopper`, `Relay`, `SwitchingSurface`. ``flow`` then
-        returns the derivatives without the parts, and reads the mode of each part by its name
-        (``mode.wall``).
+        Ready-made components: `Friction`, `Stopper`, `Relay`, `RateLimit`, `SwitchingSurface`.
+        ``flow`` then returns the derivatives without the parts, and reads the mode of each part by
+        its name (``mode.wall``).
     masses : mapping of str to float, str or callable, optional
         Masses of the bodies on which parts act, by velocity: numbers, names of parameters or
         functions of ``p``; 1 by default. If a state is the velocity relative to another body, its

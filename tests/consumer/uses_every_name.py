@@ -132,6 +132,7 @@ def systems() -> mi.System:
         mi.Friction("ground", "v", mu=mi.Stribeck(0.4, 0.3, 1.0)),
         mi.Stopper("wall", "x", "v", upper=1.0, restitution=0.8),
         mi.Relay("switch", "x", lower=-1.0, upper=1.0),
+        mi.RateLimit("source", "x", limit=1.0),
         mi.SwitchingSurface("sliding", "x"),
     ]
     guards = [

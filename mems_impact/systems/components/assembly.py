@@ -155,6 +155,10 @@ class FlowWriter:
         n = len(self.states)
         lines = [*self.digits(), f"d = flow_of({self.own_modes()}, t, y, p)"]
         lines += [f"d{j} = d[{j}]" for j in range(n)]
+        for names, part in zip(self.names, self.parts, strict=True):
+            for mode, rates in part.rates(names).items():
+                lines.append(f"if {names.mode} == {mode}:")
+                lines += [f"    d{j} = {rate}" for j, rate in rates.items()]
         lines += self.holding.absolute("d")
         for names, part, sides in self.forces:
             for mode, force in part.forces(names).items():
@@ -172,6 +176,13 @@ class FlowWriter:
         lines += self.holding.coordinates("d")
         results = [*(f"d{j}" for j in range(n)), *forces]
         return function("field(mode, t, y, p)", [*lines, f"return ({', '.join(results)},)"])
+
+    def unlimited(self, names: CodeNames) -> list[str]:
+        """Return the lines that compute the derivatives in mode 0 of a part that limits them."""
+        if not names.part.rates(names):
+            return []
+        mode = f"mode - {names.mode} * {self.strides[names.number]}"
+        return [f"{names.unlimited} = slopes({mode}, t, y, p)"]
 
     def alike(self) -> str:
         """Return the source that makes velocities of bodies that move together exactly equal."""
@@ -242,6 +253,7 @@ class FlowWriter:
         lines += ["x = slopes(mode, t, y, p)", *self.sliding.conditions()]
         for names, part in zip(self.names, self.parts, strict=True):
             tests: list[str] = []
+            tests += self.unlimited(names)
             if names.contact is not None:
                 tests += self.holding.room(names)
             for mode, condition in enumerate(part.mode_conditions(names)):
@@ -400,6 +412,8 @@ class FlowWriter:
         lines = [*self.digits()]
         forces = (names.back, names.front, names.needed)
         room = names.contact is not None and any(force in expression for force in forces)
+        if names.unlimited in expression:
+            lines += self.unlimited(names)
         if "x[" in expression or room:
             lines.append("x = slopes(mode, t, y, p)")
         if room:

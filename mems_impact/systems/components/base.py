@@ -205,6 +205,11 @@ class CodeNames:
         return "room"
 
     @property
+    def unlimited(self) -> str:
+        """The derivatives of the state in mode 0 of the part."""
+        return f"unlimited{self.number}"
+
+    @property
     def back(self) -> str:
         """Distance of the force of a holding contact from its lower limit."""
         return f"back{self.number}"
@@ -336,6 +341,10 @@ class Part:
     def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraints that hold in its modes."""
         return []
+
+    def rates(self, names: CodeNames) -> dict[int, dict[int, str]]:
+        """Return derivatives in place of those of the flow, by mode and component."""
+        return {}
 
     def limits(self) -> list[Limit]:
         """Return the limits of its quantities."""
