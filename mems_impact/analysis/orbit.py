@@ -570,20 +570,21 @@ def find_orbit(
     if system.forced and period is not None:
         refusal = "an orbit of this system closes after whole forcing periods: give periods"
         raise InvalidParameter("period", period, "", problem=refusal)
-    problem = system.problem(options)
+    family = system.family(options)
+    problem = family.problem()
     start = system.hybrid_state(guess, problem, field="guess")
     check_start_side(system, problem, start)
     try:
         if system.forced:
             solution = orbit_search.find_periodic_orbit(
-                system.family(options),
+                family,
                 start,
                 periods=periods,
                 transient=float(transient),
             )
         else:
             solution = orbit_search.find_cycle(
-                system.family(options),
+                family,
                 start,
                 period=None if period is None else float(system.into("time", period)),
                 transient=float(system.into("time", transient)),

@@ -60,7 +60,7 @@ def _between(
     ends = [
         [
             np.concatenate([[orbit.family.values[parameter], orbit.point.ends[i]], arc.end,
-                            orbit.family.numbers().parameters])
+                            orbit.point.parameter_point.parameters])
             for i, arc in enumerate(orbit.point.arcs)
         ]
         for orbit in (one, other)

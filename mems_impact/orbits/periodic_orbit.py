@@ -202,7 +202,7 @@ def waits(shooting: Shooting, point: ShootingEvaluation, i: int, j: int) -> bool
         return at_start < -ORBIT_MARGIN_TOLERANCE or float(point.arcs[i].rates[0][j]) < 0.0
     watched = guard.modes is None or before.mode in guard.modes
     mode = before.mode if watched else segments[i].mode
-    p, at_end = np.asarray(shooting.problem(point).parameters, dtype=float), point.arcs[i - 1].end
+    p, at_end = point.parameter_point.parameters, point.arcs[i - 1].end
     before_event = automaton.margins_at(mode, float(point.ends[i - 1]), at_end, p)[0][j]
     return at_start < -ORBIT_MARGIN_TOLERANCE and before_event < ORBIT_MARGIN_TOLERANCE
 

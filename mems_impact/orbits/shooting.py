@@ -447,12 +447,14 @@ class Shooting:
             If the forcing period jumps between the previous values and these.
         """
         # Corrections at fixed values request the same numbers repeatedly.
-        if self._last is None or not np.array_equal(self._last.values, values):
+        last = self._last or self._first
+        if not np.array_equal(last.values, values):
             at = ParameterPoint.of(self.family, self.active, values)
             if self.phase is None:
-                at.check_period(self.family, self.active, self._last or self._first)
-            self._last = at
-        return self._last
+                at.check_period(self.family, self.active, last)
+            last = at
+        self._last = last
+        return last
 
     @cached_property
     def _first(self) -> ParameterPoint:

@@ -13,6 +13,7 @@ from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.definition import named_tuple, writes_into_arrays
 from mems_impact.hybrid.diagnostics.user_functions import UserFunction
 from mems_impact.hybrid.problem import Section
+from mems_impact.integrators.dual_numbers import Dual
 from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import Mode, State, is_number, state_from
 
@@ -267,24 +268,26 @@ def initial(state: Mapping[str, float] | State | None) -> State:
     return state_from(state)
 
 
-def number(field: str, quantity: Any, p: Any) -> float | None:
+def number(field: str, quantity: Any, p: Any) -> Any:
     """Return a number, or the value of a function of the parameters."""
     value = _evaluated(field, quantity, p) if callable(quantity) else quantity
     if quantity is None:
         return None
+    if isinstance(value, Dual):
+        return value
     if not is_number(value):
         raise InvalidParameter(field, value, "a finite number, or a function of the parameters")
     return float(value)
 
 
-def times(field: str, quantity: Any, p: Any) -> tuple[float, ...]:
+def times(field: str, quantity: Any, p: Any) -> tuple[Any, ...]:
     """Return times, or the values of a function of the parameters."""
     value = _evaluated(field, quantity, p) if callable(quantity) else quantity
     numbers = isinstance(value, Iterable) and not isinstance(value, str | Mapping)
     result = tuple(value) if numbers else (None,)
-    if not all(map(is_number, result)):
+    if not all(isinstance(each, Dual) or is_number(each) for each in result):
         raise InvalidParameter(field, value, "times, or a function of the parameters")
-    return tuple(float(time) for time in result)
+    return tuple(each if isinstance(each, Dual) else float(each) for each in result)
 
 
 def _evaluated(field: str, function: Callable[..., Any], p: Any) -> Any:

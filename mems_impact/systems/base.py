@@ -72,18 +72,33 @@ class SystemFamily(Family):
 
     def problem(self) -> Problem:
         """Return the problem at the present values."""
+        return self._problem
+
+    @cached_property
+    def _problem(self) -> Problem:
         return self.system.at(self.values).problem(self.options)
 
     def with_method(self, method: str) -> SystemFamily:
         """Return the family integrated by another method."""
-        return replace(self, options=replace(self.options, method=method))
+        other = replace(self, options=replace(self.options, method=method))
+        vars(other)["_problem"] = replace(self._problem, options=other.options)
+        return other
 
     def numbers(self, /, **changes: float) -> ProblemParameters:
         """Return the part of the problem that depends on the values."""
-        values = {**self.values, **changes}
-        return self.system.numbers(
-            self.system.parameter_changes(values, self.system.internal_parameters)
-        )
+        return self.system.numbers(self._changes(changes))
+
+    def derivative(self, name: str) -> tuple[Floats, float, Floats]:
+        """Return the derivatives of parameter array, period and switching times by a value."""
+        rates = self.system.number_rates(name, self._changes({}))
+        if rates is None:
+            return super().derivative(name)
+        return rates.parameters, rates.period, np.array(rates.switches)
+
+    def _changes(self, changes: Mapping[str, float]) -> dict[str, float]:
+        """Return the parameters that differ from the system's, in its units."""
+        system = self.system
+        return system.parameter_changes({**self.values, **changes}, system.internal_parameters)
 
     def amount(self, heading: str, value: float) -> str:
         """Return a number in the system's units, as text."""
@@ -181,6 +196,10 @@ class HybridSystem(Result, ABC):
             Other values of some parameters, in the system's units, allowed or not, as finite
             differences and trial steps need them.
         """
+
+    def number_rates(self, name: str, changes: Mapping[str, float]) -> ProblemParameters | None:
+        """Return the derivatives of `numbers` by a scaled parameter; None if they are unknown."""
+        return None
 
     @abstractmethod
     def shifted(self, values: Mapping[str, float]) -> Self:
@@ -620,7 +639,7 @@ class HybridSystem(Result, ABC):
     def family(self, options: Options) -> Family:
         """Return the problems for all values of the parameters, in scaled units."""
         if not self.is_scaled and self.forced:
-            warn_if_badly_scaled_orbit(self.numbers().period)
+            warn_if_badly_scaled_orbit(self._checked_numbers.period)
         return SystemFamily(self.internal_parameters, self, options)
 
     def at(self, inner: Mapping[str, float]) -> Self:

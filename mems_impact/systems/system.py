@@ -34,6 +34,7 @@ from mems_impact.hybrid.pickling import reference
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.dual_numbers import Dual, copy_for_tangents
 from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments, periodicity
 from mems_impact.systems import validation as checks
@@ -507,17 +508,51 @@ class System(HybridSystem):
             differences and trial steps need them.
         """
         p = self._named({**self._parameters, **(changes or {})}.values())
+        return self._with_times(self._to_internal(p), self._times(p), 1.0)
+
+    def number_rates(self, name: str, changes: Mapping[str, float]) -> ProblemParameters | None:
+        """Return the derivatives of `numbers` by a scaled parameter, exact to rounding.
+
+        None if a function of the times does not take numbers with tangents.
+        """
+        if type(self).numbers is not System.numbers:
+            return None
+        values: dict[str, Any] = {**self._parameters, **changes}
+        values[name] = Dual(values[name], self.factor(name))
+        try:
+            period, scale, switches = self._times(self._named(values.values()), copy_for_tangents)
+        except Exception:  # differences report the errors of functions
+            return None
+        slopes = _slope(period), _slope(scale), tuple(map(_slope, switches))
+        return self._with_times(np.array([float(each == name) for each in values]), slopes, 0.0)
+
+    def _times(
+        self, p: Any, form: Callable[[Any], Any] = lambda function: function
+    ) -> tuple[Any, Any, tuple[Any, ...]]:
+        """Return forcing period, time scale and switching times, by a form of their functions."""
+        period, scale, switches = (
+            form(each) if callable(each) else each
+            for each in (self._period, self._time_scale, self._switches)
+        )
         time = self.factor("time")
-        period = _in_units(arguments.number("period", self._period, p), time)
-        scale = _in_units(arguments.number("time_scale", self._time_scale, p), time)
+        return (
+            _in_units(arguments.number("period", period, p), time),
+            _in_units(arguments.number("time_scale", scale, p), time),
+            tuple(switch / time for switch in arguments.times("switches", switches, p)),
+        )
+
+    def _with_times(
+        self, p: Floats, times: tuple[Any, Any, tuple[Any, ...]], default: float
+    ) -> ProblemParameters:
+        """Return the numbers of a problem from scaled parameters and times."""
+        period, scale, switches = times
+        unit = scale if scale is not None else period if period is not None else default
         tail = np.zeros(_hidden_parameters(self.definition))
-        unit = scale if scale is not None else period if period is not None else 1.0
         tail[0] = RATE_STEP * unit
-        switches = arguments.times("switches", self._switches, p)
         return ProblemParameters(
-            parameters=np.concatenate([self._to_internal(p), tail]),
+            parameters=np.concatenate([p, tail]),
             period=period if period is not None else unit,
-            switches=tuple(switch / time for switch in switches),
+            switches=switches,
             time_scale=scale,
         )
 
@@ -715,6 +750,10 @@ def _at_rest(
                 if consistent and far < distance:
                     best, distance = onto, far
     return best
+
+
+def _slope(value: Any) -> Any:
+    return value.slope if isinstance(value, Dual) else None if value is None else 0.0
 
 
 def _function_or_none(value: Any) -> Any:

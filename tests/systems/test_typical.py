@@ -361,3 +361,32 @@ def test_an_orbit_in_a_narrow_domain():
 def test_mistakes(typical, message):
     with pytest.raises(mi.InvalidParameter, match=message):
         oscillator(typical=typical)
+
+
+def looked_up(p):
+    return float(np.interp(p.omega, [0.0, 4e6], [7e-6, 1e-6]))  # takes numbers only
+
+
+@pytest.mark.parametrize(
+    ("period", "rate", "error"),
+    [
+        (lambda p: 2.0 * math.pi / p.omega, -2.0 * math.pi / 1.7e6**2, 1e-15),
+        (lambda p: math.sqrt(p.omega / 1.7e6) * 5e-6, 0.5 * 5e-6 / 1.7e6, 1e-15),
+        (looked_up, -1.5e-12, 1e-12),
+    ],
+    ids=["quotient", "root", "table"],
+)
+def test_the_derivatives_of_the_times_by_a_parameter(period, rate, error):
+    system = mi.System(
+        states=("x", "v"),
+        flow=forced,
+        parameters={"A": 1.0, "omega": 1.7e6, "k": 1.0, "c": 0.1},
+        period=period,
+        switches=lambda p: (0.3 * period(p), period(p)),
+        typical={"time": T, "omega": 1.0 / T},
+    )
+    rates, of_period, of_switches = system.family(mi.Options()).derivative("omega")
+    size = T * T  # of a time by the frequency
+    assert rates[:4] == pytest.approx([0.0, 1.0, 0.0, 0.0], abs=1e-12)
+    assert of_period * size == pytest.approx(rate, rel=error)
+    assert of_switches * size == pytest.approx([0.3 * rate, rate], rel=error)
