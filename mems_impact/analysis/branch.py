@@ -36,8 +36,8 @@ from mems_impact.continuation.branch import (
     OrbitCurve,
     OrbitEvent,
 )
-from mems_impact.continuation.branch_switching import switched_solution
-from mems_impact.continuation.branching_equation import FirstPoint
+from mems_impact.continuation.branch_switching import switched_solutions
+from mems_impact.continuation.branching_equation import ONE_SIDE
 from mems_impact.continuation.corners import corners
 from mems_impact.continuation.equilibrium_branch import EQUILIBRIUM_LABELS, follow_equilibrium
 from mems_impact.continuation.equilibrium_curve import branch_event, follow_equilibrium_curve
@@ -76,7 +76,6 @@ __all__ = [
 MIN_EXTRAPOLATED = 3  # cycles from which the homoclinic value is extrapolated
 BRANCH_STEPS = StepControl(max_step=0.02)  # so that a branch is smooth to the eye
 EQUILIBRIUM_STEPS = StepControl(max_step=0.2)
-PASSING_RATIO = 2.5  # of the step past a branch point, to the distance of its start
 
 
 class ContinuationResult(Result, Generic[S]):
@@ -353,7 +352,8 @@ def continue_solution(
     followed = _follower(solution, parameter, bounds, through_grazing, events, stop_at, progress)
     steps = steps or _steps(solution)
     with followed as follow_side:
-        return follow_side(math.copysign(1.0, stop - system.value(parameter)), steps)
+        side = math.copysign(1.0, stop - system.value(parameter))
+        return _branch(system, follow_side(solution.numeric, side, steps), bounds)
 
 
 def _steps(solution: Solution) -> StepControl:
@@ -362,15 +362,18 @@ def _steps(solution: Solution) -> StepControl:
 
 @contextmanager
 def _follower(
-    start: S,
+    start: Solution,
     parameter: str,
     bounds: tuple[float, float],
     through_grazing: bool,
     events: Events | None,
     stop_at: str | Collection[str],
     progress: bool | Callable[[float], None],
-) -> Iterator[Callable[[float | Floats, StepControl], Branch[S]]]:
-    """Yield a function that continues `start` in a direction, with one display of progress."""
+) -> Iterator[Callable[[Any, float | Floats, StepControl], OrbitBranch | EquilibriumBranch]]:
+    """Yield a function that continues a solution in a direction, with one display of progress.
+
+    The solution is one of `continuation`, of the kind of `start`.
+    """
     system = start.system
     names: list[str] = []
     if isinstance(start, Orbit):
@@ -383,15 +386,17 @@ def _follower(
     kinds = {*labels, *labels.values(), *names}
     tests = EventFunction.tests(events, start, parameter, kinds)
     stops = _stops(stop_at, labels, [*names, *(test.kind for test in tests)])
-    # The parameter at the start of the branch, to the last digit of the numerics.
-    begin = start.numeric.family.values[parameter]
     low, high = (system.into(parameter, bound) for bound in bounds)
     amount = partial(system.out, parameter)
     with parameter_progress(progress, system.label(parameter), noun, amount) as report:
 
-        def followed(direction: float | Floats, steps: StepControl) -> Branch[S]:
-            branch = follow_start(
-                start.numeric,
+        def followed(
+            solution: Any, direction: float | Floats, steps: StepControl
+        ) -> OrbitBranch | EquilibriumBranch:
+            # The parameter at the start of the branch, to the last digit of the numerics.
+            begin = solution.family.values[parameter]
+            branch: OrbitBranch | EquilibriumBranch = follow_start(
+                solution,
                 parameter,
                 low=min(low, begin),
                 high=max(high, begin),
@@ -401,7 +406,7 @@ def _follower(
                 stop_at=stops,
                 progress=report,
             )
-            return _branch(system, branch, bounds)
+            return branch
 
         yield followed
 
@@ -502,38 +507,30 @@ def switch_branch(
         location = _amount(system, parameter, special.value)
         allowed = f"smallest and largest value, with {location} between them"
         raise InvalidParameter("bounds", (low, high), allowed)
-    numeric, onward = switched_solution(special.numeric, parameter)
-    start = solution_of(system, numeric)
-    steps = steps or _steps(start)
+    limits = system.into(parameter, low), system.into(parameter, high)
+    starts, event = switched_solutions(special.numeric, parameter, *limits)
+    start = solution_of(system, starts[0][0])
+    sides: list[Any] = []
     with _follower(
         start, parameter, (low, high), through_grazing, events, stop_at, progress
     ) as followed:
-        if isinstance(onward, FirstPoint):
-            return _both_sides(followed, onward, steps)
-        return followed(onward, steps)
-
-
-def _both_sides(
-    followed: Callable[[float, StepControl], Branch[S]], first: FirstPoint[Any], steps: StepControl
-) -> Branch[S]:
-    """Return the branch through a branch point, given its continuation to one side."""
-    outward = followed(first.side, steps)
-    if outward.ended.endswith(CLOSED):
-        return outward
-    # One step passes the branch point: an error of the equations separates the branches there.
-    initial = max(steps.initial_step, PASSING_RATIO * first.distance)
-    return joined_branch(outward, followed(-first.side, replace(steps, initial_step=initial)))
+        for numeric, onward in starts:
+            sides.append(followed(numeric, onward, steps or _steps(start)))
+            if event is None or sides[-1].ended.endswith(CLOSED):
+                return _branch(system, sides[-1], (low, high))
+    if len(sides) == 1:
+        sides.append(type(sides[0])(parameter, ended=ONE_SIDE))
+    return _branch(system, sides[0].joined(sides[1], event), (low, high))
 
 
 def joined_branch(outward: Branch[S], inward: Branch[S]) -> Branch[S]:
     """Return one branch of two that start at the same point in opposite directions."""
-    ends = outward.ended, inward.ended
-    ended = ends[0] if ends[0] == ends[1] else f"{ends[1]}; at its beginning, {ends[0]}"
+    numeric = outward.numeric.joined(inward.numeric)  # type: ignore[arg-type]
     return replace(
         outward,
         special_points=(*outward.special_points[::-1], *inward.special_points),
-        ended=ended,
-        numeric=outward.numeric.joined(inward.numeric),  # type: ignore[arg-type]
+        ended=numeric.ended,
+        numeric=numeric,
     )
 
 

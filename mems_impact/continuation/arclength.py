@@ -18,7 +18,7 @@ from mems_impact._util.bisection import discontinuity
 from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.linear_equations import null_vector
-from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
+from mems_impact.orbits.newton import TOLERANCE, Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import (
     RESIDUAL_TOLERANCE,
     ZERO_COMPONENT,
@@ -103,7 +103,12 @@ def tangent(point: Linearized, direction: Floats | None = None) -> Floats:
 
 
 def correct(
-    equations: Solvable[P], plane: Floats, direction: Floats, guess: Floats | None = None
+    equations: Solvable[P],
+    plane: Floats,
+    direction: Floats,
+    guess: Floats | None = None,
+    *,
+    tolerance: float = TOLERANCE,
 ) -> Solution[P]:
     """Solve in the plane through `plane` (unknowns and parameter) normal to `direction`.
 
@@ -114,6 +119,8 @@ def correct(
     plane, direction : float array, shape (unknowns + 1,)
     guess : float array, optional
         A point near the solution; `plane` itself by default.
+    tolerance : float, optional
+        As in `newton`.
 
     Raises
     ------
@@ -132,6 +139,7 @@ def correct(
         reason="the correction of a step did not converge",
         remedy="take a shorter step",
         iterations=MAX_CORRECTOR_ITERATIONS,
+        tolerance=tolerance,
     )
 
 

@@ -114,18 +114,24 @@ class SolutionBranch(Generic[N]):
         """The solutions of all points."""
         return [point.solution for point in self.points]
 
-    def joined(self, other: Self) -> Self:
-        """Return this branch, reversed, and then another branch from the same solution."""
-        last = self.points[-1].piece
+    def joined(self, other: Self, at: BranchEvent[N] | None = None) -> Self:
+        """Return this branch, reversed, and then another branch.
+
+        Both start at the same solution, or on the two sides of a special point.
+        """
+        last, between = self.points[-1].piece if self.points else 0, [] if at is None else [at]
         points = [
             replace(point, direction=-point.direction, piece=last - point.piece)
             for point in reversed(self.points)
         ]
-        points += [replace(point, piece=last + point.piece) for point in other.points[1:]]
+        points += [BranchPoint(each.solution, each.value, each.direction, last) for each in between]
+        points += [replace(each, piece=last + each.piece) for each in other.points[at is None :]]
+        ended = f"{other.ended}; at its beginning, {self.ended}"
         return replace(
             other,
             points=points,
-            special_points=[*reversed(self.special_points), *other.special_points],
+            special_points=[*reversed(self.special_points), *between, *other.special_points],
+            ended=other.ended if self.ended == other.ended else ended,
             passage=other.passage or self.passage,
         )
 

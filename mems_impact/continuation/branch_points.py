@@ -10,12 +10,14 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import PredictorStep
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid.differences import central_difference
 from mems_impact.orbits.equilibrium import EquilibriumEquations
 from mems_impact.orbits.linear_equations import SparseFactorization, is_sparse
 from mems_impact.orbits.newton import Linearized, P, Solvable, newton
 
-KERNEL_STEP = 1e-4  # difference step for second derivatives along the null vectors
+KERNEL_STEPS = 10.0 ** -np.arange(4, 10)  # of differences along the null vectors of orbits
+# Largest change of the derivatives by a third derivative at a step, relative to that by a second
+# derivative, and to the derivatives if both are rounding errors.
+CURVATURE_RATIO, ROUNDING_RATIO = 0.1, 1e-11
 MIN_FOLD_DISTANCE = 1e-5  # least distance on a branch of a fold from a branch point
 UNFOLDING_RATIO = (
     5.0  # distance by which a unit error of the equations separates two crossing branches
@@ -86,14 +88,17 @@ class BranchPoints(Generic[P]):
             reason=NOT_LOCATED,
             remedy="take a shorter step",
         )
-        x, beta = solution.unknowns[:-1], abs(float(solution.unknowns[-1]))
+        # Relative to the rate along the branch the unfolding does not depend on a factor of the
+        # equations.
+        rate = abs(last - first) / length
+        x, beta = solution.unknowns[:-1], abs(float(solution.unknowns[-1])) / rate
         position = float((x - step.start) @ step.direction)
         aside = float(np.linalg.norm(x - step.start - position * step.direction))
         radius = max(MIN_FOLD_DISTANCE, UNFOLDING_RATIO * beta ** (1.0 / 3.0))
         if (
             not -radius <= position <= length + radius
             or aside > abs(position) + radius
-            or beta > self._equations.error(solution.point)
+            or beta > self._equations.error(solution.point, rate)
         ):
             raise OrbitError(NOT_LOCATED, "take a shorter step", solution.point)
         self._known.append((x, radius))
@@ -158,17 +163,31 @@ def null_vectors(point: Linearized) -> tuple[Floats, Floats]:
 def second_derivatives(equations: Solvable[P], point: P, v: Floats) -> Floats:
     """Return the derivative along `v` of the derivatives by unknowns and parameters.
 
-    It is exact for equilibria, and a central difference for orbits.
+    It is exact for equilibria. For orbits it is a central difference, with the longest step at
+    which the derivatives change almost linearly.
     """
     if isinstance(equations, EquilibriumEquations):
         return equations.derivatives_along(point, v)
     x, size = np.concatenate([point.unknowns, point.values]), point.unknowns.size
-
-    def along(step: float) -> Floats:
-        shifted = x + step * v
-        return _derivatives(equations.evaluate(shifted[:size], shifted[size:]))
-
-    return central_difference(along, KERNEL_STEP)
+    center, failure = _derivatives(point), OrbitError(NOT_LOCATED, "take a shorter step", point)
+    smallest = ROUNDING_RATIO * float(np.linalg.norm(center))
+    second = None
+    for step in KERNEL_STEPS.tolist():
+        try:
+            up, down = (
+                _derivatives(equations.evaluate(each[:size], each[size:]))
+                for each in (x + step * v, x - step * v)
+            )
+        except OrbitError as error:
+            failure = error
+            continue
+        second, change = (up - down) / (2.0 * step), float(np.linalg.norm(up - down))
+        curved = float(np.linalg.norm(up + down - 2.0 * center))
+        if curved <= max(CURVATURE_RATIO * change, smallest):
+            break
+    if second is None:
+        raise failure
+    return second
 
 
 def _derivatives(point: Linearized) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import correct
 from mems_impact.continuation.branch import EquilibriumEvent, OrbitEvent
-from mems_impact.continuation.branching_equation import CrossingBranch, FirstPoint
+from mems_impact.continuation.branching_equation import CrossingBranch
 from mems_impact.continuation.equilibrium_branch import frequency
 from mems_impact.continuation.test_functions import BRANCH_POINT, MULTIPLIER_TOLERANCE
 from mems_impact.errors import OrbitError, RunError
@@ -22,13 +22,12 @@ from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.division import MAX_GROWTH, NODE_GROWTH, growth, with_nodes
 from mems_impact.orbits.equilibrium import (
     EquilibriumEquations,
-    EquilibriumEvaluation,
     EquilibriumState,
     make_equilibrium,
 )
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
-from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
+from mems_impact.orbits.shooting import Phase, Shooting
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 
 # Distances of the first orbit from a period doubling, in the space of unknowns, or from a Hopf
@@ -37,22 +36,54 @@ SWITCH_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)
 MIN_PARAMETER_CHANGE = 1e-7  # relative change of the parameter of a significant distance
 
 
-def switched_solution(
-    event: OrbitEvent | EquilibriumEvent, parameter: str
-) -> tuple[PeriodicOrbit | EquilibriumState, Floats | FirstPoint[Any]]:
-    """Return a solution of the branch that emanates from a special point, and the way to it.
+def switched_solutions(
+    event: OrbitEvent | EquilibriumEvent, parameter: str, low: float, high: float
+) -> tuple[
+    list[tuple[Any, float | Floats]],
+    OrbitEvent | EquilibriumEvent | None,
+]:
+    """Return solutions of the branch that emanates from a special point, each with the way to it.
 
-    The second value is the `FirstPoint` of the branch through a branch point, else a direction of
-    continuation. The errors are as of the functions for each kind.
+    Of the branch through a branch point there is a solution on each side, or on one if the other
+    has none, each with the sign of the change of the parameter away from the branch point, and
+    with the branch point as a point of that branch. Of other branches there is one solution with a
+    direction of continuation.
+
+    Parameters
+    ----------
+    event : BranchEvent
+        On the known branch.
+    parameter : str
+    low, high : float
+        Bounds of the parameter.
+
+    Raises
+    ------
+    OrbitError
+        If no other branch is found.
     """
     solution = event.solution
-    if isinstance(solution, EquilibriumState):
-        if event.kind == BRANCH_POINT:
-            return switch_equilibrium(solution, event.direction, parameter)
-        return switch_at_hopf(solution, parameter)
-    if event.kind == BRANCH_POINT:
-        return switch_at_branch_point(solution, event.direction, parameter)
-    return switch_at_period_doubling(solution, parameter)
+    if event.kind != BRANCH_POINT:
+        hopf = isinstance(solution, EquilibriumState)
+        switch: Any = switch_at_hopf if hopf else switch_at_period_doubling
+        return [switch(solution, parameter)], None
+    value = np.array([solution.family.values[parameter]])
+    equations, make, unknowns = _equations(solution, parameter)
+    point = equations.evaluate(unknowns, value)
+    crossing = CrossingBranch(equations, point, event.direction)
+    found: list[tuple[Any, float | Floats]] = []
+    found += [(make(equations, each.point), each.side) for each in crossing.first_points(low, high)]
+    return found, replace(event, direction=crossing.other)
+
+
+def _equations(
+    solution: PeriodicOrbit | EquilibriumState, parameter: str
+) -> tuple[Any, Callable[..., Any], Floats]:
+    """Return the equations of a solution, what makes solutions of them, and the unknowns."""
+    if isinstance(solution, PeriodicOrbit):
+        return solution.equations((parameter,)), make_orbit, solution.point.unknowns
+    equations = EquilibriumEquations(solution.family, solution.mode, (parameter,))
+    return equations, make_equilibrium, solution.balance.unknowns
 
 
 # --- Period doublings
@@ -157,54 +188,6 @@ def first_orbit_on_branch(
             break
     assert switched is not None
     return switched, onward
-
-
-# --- Branch points
-
-
-def switch_at_branch_point(
-    orbit: PeriodicOrbit, direction: Floats, parameter: str
-) -> tuple[PeriodicOrbit, FirstPoint[ShootingEvaluation]]:
-    """Return an orbit of the other branch next to a branch point.
-
-    Parameters
-    ----------
-    orbit : PeriodicOrbit
-        At a branch point.
-    direction : float array, shape (unknowns + 1,)
-        Tangent of the known branch.
-    parameter : str
-
-    Returns
-    -------
-    orbit : PeriodicOrbit
-        The first orbit of the other branch, on one side of the branch point.
-    first : FirstPoint
-        Its point.
-
-    Raises
-    ------
-    OrbitError
-        If no other branch is found.
-    """
-    shooting = orbit.equations((parameter,))
-    point = shooting.evaluate(orbit.point.unknowns, np.array([orbit.family.values[parameter]]))
-    first = CrossingBranch(shooting, point, direction).first_point()
-    return make_orbit(shooting, first.point), first
-
-
-def switch_equilibrium(
-    equilibrium: EquilibriumState, direction: Floats, parameter: str
-) -> tuple[EquilibriumState, FirstPoint[EquilibriumEvaluation]]:
-    """Return an equilibrium of the other branch next to a branch point.
-
-    Parameters and errors are as in `switch_at_branch_point`.
-    """
-    equations = EquilibriumEquations(equilibrium.family, equilibrium.mode, (parameter,))
-    value = np.array([equilibrium.family.values[parameter]])
-    point = equations.evaluate(equilibrium.balance.unknowns, value)
-    first = CrossingBranch(equations, point, direction).first_point()
-    return make_equilibrium(equations, first.point), first
 
 
 # --- Hopf points

@@ -82,9 +82,13 @@ class EquilibriumEquations:
         """The components of the state that are not cyclic."""
         return tuple(free_components(self.automaton))
 
-    def error(self, point: EquilibriumEvaluation) -> float:
-        """Return the error of a flow, whose terms may cancel."""
+    def error(self, point: EquilibriumEvaluation, rate: float) -> float:
+        """Return the error of a flow, whose terms may cancel, relative to `rate`."""
         return FLOW_ERROR
+
+    def integration_error(self, point: EquilibriumEvaluation) -> Floats:
+        """Return zeros: nothing is integrated."""
+        return np.zeros(point.residual.size)
 
     def state(self, unknowns: Floats) -> Floats:
         """Return the whole state, shape (n,); cyclic components are zero."""

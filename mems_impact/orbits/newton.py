@@ -64,8 +64,14 @@ class Solvable(Protocol[P_co]):
     def evaluate(self, unknowns: Floats, values: Floats) -> P_co:
         """Evaluate residual and derivatives."""
 
-    def error(self, point: Any) -> float:
-        """Return the error of the residual, which a known imperfection of a crossing exceeds."""
+    def error(self, point: Any, rate: float) -> float:
+        """Return the error of the residual, which a known imperfection of a crossing exceeds.
+
+        It is divided by the rate at which the derivatives become singular along the branch.
+        """
+
+    def integration_error(self, point: Any) -> Floats:
+        """Return the errors of the residual by integration."""
 
 
 class Solution(NamedTuple, Generic[P]):
@@ -92,12 +98,13 @@ def newton(
     reason: str,
     remedy: str,
     iterations: int = MAX_NEWTON_ITERATIONS,
+    tolerance: float = TOLERANCE,
 ) -> Solution[P]:
     """Correct `guess` until the equations hold.
 
     ``equations(unknowns)`` returns the evaluation, all residuals, and their Jacobian matrix.
 
-    The iteration converges if the next step is below `TOLERANCE`, or if steps no longer shrink
+    The iteration converges if the next step is below `tolerance`, or if steps no longer shrink
     while no residual exceeds `RESIDUAL_TOLERANCE`: they are then at the level of the integration
     error. So are steps below `RESIDUAL_TOLERANCE` that no longer shrink quadratically.
     If the matrix is nearly singular, rounding alone may cause steps of any length, so the iteration
@@ -132,7 +139,7 @@ def newton(
             iterations_needed = min(iterations_needed, iteration)
         slow = size >= (NOISE_RATIO * previous if previous < RESIDUAL_TOLERANCE else previous)
         stalled = slow and worst < RESIDUAL_TOLERANCE
-        if size < TOLERANCE or stalled:
+        if size < tolerance or stalled:
             return Solution(unknowns, point, min(iterations_needed, iteration))
         if not size <= MAX_STEP_NORM:
             break

@@ -353,15 +353,18 @@ class Shooting:
         other.is_refined = True
         return other
 
-    def error(self, point: ShootingEvaluation) -> float:
-        """Return the error of the residual at a point, at most `RESIDUAL_TOLERANCE`."""
+    def error(self, point: ShootingEvaluation, rate: float) -> float:
+        """Return the error of the residual, at most `RESIDUAL_TOLERANCE`, divided by `rate`."""
+        error = max(RESIDUAL_RESOLUTION, float(np.abs(self.integration_error(point)).max()))
+        return min(error, RESIDUAL_TOLERANCE) / rate
+
+    def integration_error(self, point: ShootingEvaluation) -> Floats:
+        """Return estimates of the errors of the residual, by smaller tolerances and steps."""
         try:
             refined = self.refined.evaluate(point.unknowns, point.values)
         except OrbitError:
-            return RESIDUAL_TOLERANCE
-        difference = float(np.abs(refined.residual - point.residual).max())
-        error = max(RESIDUAL_RESOLUTION, RESIDUAL_ERROR_SAFETY * difference)
-        return min(error, RESIDUAL_TOLERANCE)
+            return np.full(point.residual.size, RESIDUAL_TOLERANCE)
+        return RESIDUAL_ERROR_SAFETY * (refined.residual - point.residual)
 
     def _engine(self, family: Family) -> Variational:
         problem = family.problem()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -86,26 +86,58 @@ def test_the_pitchfork_of_the_lorenz_system():
 
 def transcritical(mode, t, y, p):
     x = y.x - p.k * p.a
-    return (x * (p.a - p.c * x),)
+    return (p.s * x * (p.a - p.c * x),)
 
 
 def fork(mode, t, y, p):
     x = y.x - p.k * p.a
-    return (x * (p.a - p.c * x**2),)
+    return (p.s * x * (p.a - p.c * x**2),)
 
 
-@pytest.mark.parametrize(
-    ("c", "k"), [(1e-6, 0.0), (1e-4, 0.4), (0.02, 0.0), (40.0, 0.4), (3e4, 0.4), (1e6, 0.0)]
-)
+ANGLES = [
+    (1e-6, 0.0, 1e6), (1e-4, 0.4, 1.0), (0.02, 0.0, 1e-6), (40.0, 0.4, 1.0), (3e4, 0.4, 1.0),
+    (3e5, 0.0, 1e-6), (1e6, 0.0, 1.0), (3e6, 0.0, 1e-6),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("c", "k", "s"), ANGLES)
 @pytest.mark.parametrize(("flow", "power"), [(transcritical, 1), (fork, 2)], ids=["TC", "PF"])
-def test_branches_cross_at_any_angle(flow, power, c, k):
-    """In other units of x, c is another number; the branch is a = c (x - k a)^power."""
-    (crossing,) = forks(flow, c=c, k=k)
+def test_branches_cross_at_any_angle(flow, power, c, k, s):
+    """In other units of x and t, c and s are other numbers; the branch is a = c (x - k a)^power."""
+    (crossing,) = forks(flow, c=c, k=k, s=s)
     other = mi.switch_branch(crossing, steps=mi.StepControl(max_points=8))
     x, a = (other.table[name].to_numpy() for name in ("x", "a"))
     apart = x - k * a
     assert np.allclose(a, c * apart**power, rtol=1e-7, atol=1e-9)
-    assert np.abs(c * apart**power).max() > 1e-9
+    assert min(apart.max(), -apart.min()) > 1e-10
+    assert [special.label for special in other.special_points] == ["BP"]
+
+
+@pytest.mark.parametrize(("power", "c", "s"), [(1, 2e4, 3.0), (2, 3e5, 0.1), (2, 1e-6, 3.0)])
+def test_branches_of_orbits_cross_at_any_angle(power, c, s):
+    """Of Bernoulli's equation, whose periodic solution is an integral: x and a within 1e-10."""
+
+    def flow(mode, t, y, p):
+        return (y.x * (p.s * (p.a - p.c * y.x**power) + 0.3 * math.cos(t)),)
+
+    def growth(t, a):
+        return math.exp(power * (s * a * t + 0.3 * math.sin(t)))
+
+    values = {"a": -0.4, "c": c, "s": s}
+    system = mi.System(states=("x",), flow=flow, parameters=values, period=2.0 * math.pi)
+    options = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
+    rest = mi.find_orbit(system, guess={"x": 0.0}, periods=1, options=options)
+    (crossing,) = mi.continue_solution(rest, "a", 0.2).special_points
+    assert abs(crossing.value) < 1e-9
+    other = mi.switch_branch(crossing, steps=mi.StepControl(max_points=5))
+    assert [special.label for special in other.special_points] == ["BP"]
+    x, a = (other.table[name].to_numpy() for name in ("x", "a"))
+    for place, value in zip(x[a != crossing.value], a[a != crossing.value], strict=True):
+        change = growth(2.0 * math.pi, value) - 1.0
+        fed = power * s * c * quad(growth, 0.0, 2.0 * math.pi, (value,), epsabs=0.0)[0]
+        slopes = 2.0 * math.pi * s, fed * abs(place) ** (power - 1)
+        assert abs(fed * place**power - change) < 1e-10 * power * max(slopes)
+    assert min(x.max(), -x.min()) > 1e-10
 
 
 @pytest.mark.nightly
