@@ -607,12 +607,11 @@ def find_orbit(
     # A state of rest repeats with any period; a motion that leaves it does not.
     if system.forced and solution.stable is False and not is_time_dependent(problem, start.y):
         raise _unforced(system)
-    meets = mode_monitor(system, problem)
-    if meets is not None:
-        segments = zip(solution.segments, solution.point.ends, solution.point.arcs, strict=True)
-        for segment, end, arc in segments:
-            meets.put(HybridState(segment.cycle, float(end), segment.mode, arc.end))
-        meets.check()
+    segments = zip(solution.segments, solution.point.ends, solution.point.arcs, strict=True)
+    states = (HybridState(s.cycle, float(end), s.mode, arc.end) for s, end, arc in segments)
+    monitor = mode_monitor(system, problem, states)
+    if monitor is not None:
+        monitor.check()
     orbit = orbit_of(system, solution)
     if not orbit.admissible:
         raise OrbitError(

@@ -23,9 +23,10 @@ from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.observables import EventLog
 from mems_impact.systems.state import State, is_number
 from mems_impact.systems.statistics import LazyStatistics
-from mems_impact.systems.typical_scales import MaxStateRecorder, warn_if_badly_scaled_run
+from mems_impact.systems.typical_scales import SizeMonitor
 from mems_impact.systems.validation import check_start_side, mode_monitor
 from mems_impact.systems.window_statistics import TimeWindow
 
@@ -186,35 +187,26 @@ def simulate(
     half = until is None  # the end of the run is unknown, so all of it counts
     first, last = _window(window, begin.cycle + begin.time / problem.period, periods, unit, half)
     gather = partial(system.gatherer, problem, begin, TimeWindow(first, last, problem.period))
-    gatherer = gather()
-    logs: list[Events] = []
-    largest = None if system.is_scaled else MaxStateRecorder(begin.y)
-    meets = mode_monitor(system, problem)
-    if meets is not None:
-        meets.put(begin)
-    validity = system.validity(problem, begin)
+    gatherer, log = gather(), EventLog()
+    timed = system.forced or problem.time_scale is not None
+    chosen = (
+        None if system.is_scaled else SizeMonitor(options, begin, timed=timed),
+        mode_monitor(system, problem, [begin]),
+        system.validity(problem, begin),
+        log if keep == "events" else gatherer,
+    )
+    observers = [each for each in chosen if each is not None]
 
     def consume(events: Events) -> None:
-        if largest is not None:
-            largest(events)
-        if meets is not None:
-            meets(events)
-        if validity is not None:
-            validity(events)
-        if keep == "events":
-            logs.append(events)
-        else:
-            gatherer(events)
+        for observer in observers:
+            observer(events)
 
     def finished(trajectory: Trajectory) -> Run:
-        if largest is not None:
-            timed = system.forced or problem.time_scale is not None
-            warn_if_badly_scaled_run(system.states, options, trajectory, largest, timed)
-        if validity is not None:
-            validity.warn(trajectory.final)
-        if logs:
-            trajectory = trajectory.with_events(Events.joined(logs))
-        lengths = [len(events) for events in logs]
+        for observer in observers:
+            observer.warn(trajectory)
+        if log.chunks:
+            trajectory = trajectory.with_events(Events.joined(log.chunks))
+        lengths = [len(events) for events in log.chunks]
         return (system.run_type or Run)(
             system=system,
             options=problem.options,
@@ -222,7 +214,7 @@ def simulate(
             window=(first * unit, last * unit),
             trajectory=trajectory,
             ended="until" if trajectory.ended else "time",
-            _gatherer=LazyStatistics(gather, trajectory.events, lengths) if logs else gatherer,
+            _gatherer=LazyStatistics(gather, trajectory.events, lengths) if lengths else gatherer,
         )
 
     with progress_bar(progress, "periods", periods, "simulate") as report:
@@ -237,8 +229,8 @@ def simulate(
             raise
     run = finished(trajectory)
     try:
-        if meets is not None:
-            meets.check()
+        for observer in observers:
+            observer.check()
         system.without_until.check_forcing(run.trajectory)
         system.warn_of_expansion(run.trajectory)
     except FunctionError as error:

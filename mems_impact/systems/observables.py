@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.simulation import Events
-from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.simulation import Events, Trajectory
 
 __all__ = [
     "MULTIPLIER",
+    "EventLog",
     "EventObserver",
     "Observable",
     "Quantity",
@@ -138,11 +138,28 @@ def observable(orbit: Any, *, name: str) -> float:
 MULTIPLIER = Quantity("largest multiplier", largest_multiplier, solved=True)
 
 
-class EventObserver(Protocol):
-    """Observes the events of a run and warns the user at its end."""
+# --- Observers of runs
+
+
+class EventObserver:
+    """Observes the events of a run; its methods do nothing by default."""
 
     def __call__(self, events: Events) -> None:
         """Take the next chunk of events."""
 
-    def warn(self, final: HybridState) -> None:
-        """Warn about a run that ended at `final`."""
+    def warn(self, trajectory: Trajectory) -> None:
+        """Warn about the run, which may have failed."""
+
+    def check(self) -> None:
+        """Raise FunctionError if a function is wrong along the run, which is complete."""
+
+
+class EventLog(EventObserver):
+    """The events of a run, as chunks."""
+
+    def __init__(self) -> None:
+        self.chunks: list[Events] = []
+
+    def __call__(self, events: Events) -> None:
+        """Take the next chunk of events."""
+        self.chunks.append(events)

@@ -21,15 +21,16 @@ from mems_impact.hybrid.definition import (
     writes_into_arrays,
 )
 from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.tangents import STEP
 from mems_impact.integrators.options import Options
+from mems_impact.systems.observables import EventObserver
 
 __all__ = [
-    "MaxStateRecorder",
+    "SizeMonitor",
     "of_units",
     "typical_of",
     "warn_if_badly_scaled_orbit",
-    "warn_if_badly_scaled_run",
     "warn_if_below_differences",
 ]
 
@@ -42,11 +43,19 @@ ORDER_ONE = (1e-5, 1e5)  # periods that suit the tolerances of event times
 STATE_ROUNDING = 1e-12  # smaller states are errors of Newton's method
 
 
-class MaxStateRecorder:
-    """The largest magnitudes of the states at events."""
+class SizeMonitor(EventObserver):
+    """The sizes of states and steps of a run without typical magnitudes.
 
-    def __init__(self, y: Floats) -> None:
-        self.sizes = np.abs(y)
+    Parameters
+    ----------
+    options : Options
+    start : HybridState
+    timed : bool
+        Whether the system defines a period or a time scale.
+    """
+
+    def __init__(self, options: Options, start: HybridState, *, timed: bool) -> None:
+        self.options, self.timed, self.sizes = options, timed, np.abs(start.y)
 
     def __call__(self, events: Events) -> None:
         """Process a chunk of events."""
@@ -54,48 +63,29 @@ class MaxStateRecorder:
             if len(y):
                 np.maximum(self.sizes, np.abs(y).max(axis=0), out=self.sizes)
 
-
-def warn_if_badly_scaled_run(
-    states: tuple[str, ...],
-    options: Options,
-    trajectory: Trajectory,
-    largest: MaxStateRecorder,
-    timed: bool,
-) -> None:
-    """Warn if a state stays below the resolution of the absolute tolerance, or if steps are tiny.
-
-    Parameters
-    ----------
-    states : tuple of str
-    options : Options
-    trajectory : Trajectory
-    largest : MaxStateRecorder
-    timed : bool
-        Whether the system defines a period or a time scale.
-    """
-    limit = MIN_STATE_TOLERANCES * options.atol
-    sizes = np.maximum(largest.sizes, np.abs(trajectory.final.y))
-    if ((sizes > 0.0) & (sizes < limit)).any():
-        # A speed may be zero at all events, if they are turning points.
-        sizes = np.maximum(sizes, between(trajectory))
-    small = {
-        name: decade(float(size))
-        for name, size in zip(states, sizes, strict=True)
-        if 0.0 < size < limit
-    }
-    start, final, period = trajectory.start, trajectory.final, trajectory.period
-    length = (final.cycle - start.cycle) * period + final.time - start.time
-    step = length / trajectory.steps if trajectory.steps else 1.0
-    if small:
-        stay = " and ".join(f"{name} stays below {size:.0e}" for name, size in small.items())
-        problem = f"{stay}, poorly resolved by atol = {options.atol:g}"
-        _warn(problem, small)
-    elif not timed and 0.0 < step < MIN_STEP_RATIO:
-        step = decade(step)
-        problem = (
-            f"steps are below {step:.0e}, although the system is assumed to have a time scale of 1"
-        )
-        _warn(problem, {"time": 10.0 * step})
+    def warn(self, trajectory: Trajectory) -> None:
+        """Warn if a state stays below the resolution of `atol`, or if steps are tiny."""
+        limit = MIN_STATE_TOLERANCES * self.options.atol
+        sizes = np.maximum(self.sizes, np.abs(trajectory.final.y))
+        if ((sizes > 0.0) & (sizes < limit)).any():
+            # A speed may be zero at all events, if they are turning points.
+            sizes = np.maximum(sizes, between(trajectory))
+        small = {
+            name: decade(float(size))
+            for name, size in zip(trajectory.automaton.states, sizes, strict=True)
+            if 0.0 < size < limit
+        }
+        start, final, period = trajectory.start, trajectory.final, trajectory.period
+        length = (final.cycle - start.cycle) * period + final.time - start.time
+        step = length / trajectory.steps if trajectory.steps else 1.0
+        if small:
+            stay = " and ".join(f"{name} stays below {size:.0e}" for name, size in small.items())
+            problem = f"{stay}, poorly resolved by atol = {self.options.atol:g}"
+            _warn(problem, small)
+        elif not self.timed and 0.0 < step < MIN_STEP_RATIO:
+            step = decade(step)
+            problem = f"steps are below {step:.0e}, although the time scale is assumed to be 1"
+            _warn(problem, {"time": 10.0 * step})
 
 
 def warn_if_badly_scaled_orbit(period: float) -> None:

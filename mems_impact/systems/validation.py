@@ -16,7 +16,7 @@ import contextlib
 import itertools
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from dis import get_instructions
 from functools import cache, lru_cache
@@ -58,7 +58,7 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.integrators.python_functions import MARGINS
 from mems_impact.systems.base import HybridSystem
-from mems_impact.systems.observables import Observable
+from mems_impact.systems.observables import EventObserver, Observable
 
 __all__ = [
     "check_end",
@@ -546,7 +546,7 @@ def compare(
             check_constraint(checked, i, at, slope, clock.unit)
 
 
-class ModeMonitor:
+class ModeMonitor(EventObserver):
     """Records the first states of a run in modes that have not been checked.
 
     Parameters
@@ -618,10 +618,17 @@ class ModeMonitor:
                 system.checked_modes.add(mode)
 
 
-def mode_monitor(system: HybridSystem, problem: Problem) -> ModeMonitor | None:
-    """Return a monitor of the modes of a run; None for a system without functions."""
+def mode_monitor(
+    system: HybridSystem, problem: Problem, states: Iterable[HybridState]
+) -> ModeMonitor | None:
+    """Return a monitor of the modes of a motion through states; None without functions."""
     unended = system.without_until  # an `until` function is only a margin
-    return unended.definition and ModeMonitor(unended, unended.definition, problem)
+    if unended.definition is None:
+        return None
+    monitor = ModeMonitor(unended, unended.definition, problem)
+    for each in states:
+        monitor.put(each)
+    return monitor
 
 
 # --- Short run

@@ -21,6 +21,7 @@ from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
+from mems_impact.systems.observables import EventObserver
 
 __all__ = ["Moments", "MotionTotals", "StatisticsAccumulator", "TimeWindow", "ratio", "where"]
 
@@ -210,7 +211,7 @@ class TimeWindow:
         return TimeWindow(self.first, max(self.first, min(self.last, reached)), self.period)
 
 
-class StatisticsAccumulator(ABC):
+class StatisticsAccumulator(EventObserver, ABC):
     """Accumulates statistics over the events of a run; a call takes the next chunk of events.
 
     Its memory does not grow with the length of the run.

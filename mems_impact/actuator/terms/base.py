@@ -31,9 +31,10 @@ from mems_impact.actuator.parameter_base import Checked
 from mems_impact.actuator.units import scaled_fields, unscaled_fields
 from mems_impact.errors import InvalidParameter, ValidityWarning
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
+from mems_impact.systems.observables import EventObserver
 
 if TYPE_CHECKING:
     from mems_impact.actuator.drives.base import Drive
@@ -546,7 +547,7 @@ def _shape(value: Any) -> Hashable:
 # --- Validity of terms
 
 
-class Validity:
+class Validity(EventObserver):
     """Checks the limits of terms at the events of a run and at its ends.
 
     Impacts, turning points and passages through the middle are events, so these include the
@@ -567,8 +568,9 @@ class Validity:
             self._look(events.before, times)
             self._look(events.after, times)
 
-    def warn(self, final: HybridState) -> None:
+    def warn(self, trajectory: Trajectory) -> None:
         """Warn, once for each limit that the run has exceeded."""
+        final = trajectory.final
         self._look(final.y[None], np.array([self._time(final)]))
         for limit, (value, time) in zip(self.limits, self.worst, strict=True):
             if value > limit.max_value:

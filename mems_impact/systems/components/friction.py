@@ -10,7 +10,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import ValidityWarning
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems.components.base import (
     ZERO_FORCE_RATIO,
@@ -22,6 +22,7 @@ from mems_impact.systems.components.base import (
     Quantity,
     sides,
 )
+from mems_impact.systems.observables import EventObserver
 
 STUCK, FORWARD, BACKWARD = 0, 1, 2
 NEGATIVE_RTOL = 1e-9  # of the largest value, above which a negative one is no rounding
@@ -267,7 +268,7 @@ class Friction(Contact):
         ]
 
 
-class NegativeFriction:
+class NegativeFriction(EventObserver):
     """A search of the events of a run for negative coefficients of friction and normal forces.
 
     Parameters
@@ -306,8 +307,9 @@ class NegativeFriction:
                 if value < self._lowest.get(label, (0.0, 0.0))[0]:
                     self._lowest[label] = value, self._values(cycle * self._period + time, y)[0]
 
-    def warn(self, final: HybridState) -> None:
+    def warn(self, trajectory: Trajectory) -> None:
         """Warn of each quantity that was negative beyond rounding."""
+        final = trajectory.final
         self._take(final.cycle, final.time, final.y)
         for label, (value, t) in self._lowest.items():
             if value < -NEGATIVE_RTOL * self._largest[label]:
