@@ -377,37 +377,56 @@ class DualVector:
     start, length : int
     width : int
         Number of tangents; without any, the numbers are real.
+    tangents : tuple (sequence of float, int, int), optional
+        Where tangents are, if not after each value: a sequence, an index and the distance from
+        those of one number to those of the next.
     """
 
-    def __init__(self, memory: Any, start: int, length: int, width: int) -> None:
+    def __init__(
+        self,
+        memory: Any,
+        start: int,
+        length: int,
+        width: int,
+        tangents: tuple[Any, int, int] | None = None,
+    ) -> None:
         self._memory, self._start, self._length, self._width = memory, start, length, width
+        self._step = 1 + width if tangents is None else 1
+        self._tangents = (memory, start + 1, self._step) if tangents is None else tangents
 
     def __len__(self) -> int:
         return self._length
 
     size = property(__len__)
 
-    def _place(self, index: int) -> int:
-        i = range(self._length)[index]
-        return self._start + i * (1 + self._width)
+    def _places(self, index: int) -> tuple[int, Any, range]:
+        """Return where a value is, and its tangents."""
+        i, (memory, start, stride) = range(self._length)[index], self._tangents
+        first = start + i * stride
+        return self._start + i * self._step, memory, range(first, first + self._width)
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             start, stop, step = index.indices(self._length)
             if step != 1:
                 raise TypeError("a slice with a step")
-            begin = self._start + start * (1 + self._width)
-            return DualVector(self._memory, begin, max(0, stop - start), self._width)
-        i = self._place(index)
+            memory, first, stride = self._tangents
+            tangents = memory, first + start * stride, stride
+            begin, length = self._start + start * self._step, max(0, stop - start)
+            part = DualVector(self._memory, begin, length, self._width, tangents)
+            part._step = self._step
+            return part
+        i, memory, places = self._places(index)
         value = float(self._memory[i])
         if self._width == 0:
             return value
-        return Dual(value, np.array([self._memory[i + 1 + k] for k in range(self._width)]))
+        return Dual(value, np.array([memory[k] for k in places]))
 
     def __setitem__(self, index: int, number: Any) -> None:
         if not isinstance(number, Dual | float | int | np.number | np.bool_):
             raise TypeError(f"{type(number).__name__} is no number")
-        i = self._place(index)
+        i, memory, places = self._places(index)
         self._memory[i] = plain(number)
-        for k in range(self._width):
-            self._memory[i + 1 + k] = number.slope[k] if isinstance(number, Dual) else 0.0
+        slope = number.slope if isinstance(number, Dual) else [0.0] * self._width
+        for k, each in zip(places, slope, strict=True):
+            memory[k] = each

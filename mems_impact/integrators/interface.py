@@ -186,8 +186,8 @@ class Equations:
     jacobian_memory : int, optional
         Length of its scratch.
     columns : int, optional
-        Number of components at the end of the state that `flow` only takes: perturbations, each a
-        column with the length of the state without them.
+        Number of components at the end of the state that `flow` only takes: for each component of
+        the state without them, its perturbations, one a column.
     """
 
     flow: Callable[..., Any]

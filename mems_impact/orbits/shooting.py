@@ -723,7 +723,7 @@ def _joined(pieces: Sequence[Arc], free: list[int], cyclic: list[int]) -> Arc:
             slope_end=piece.slope_end,
             minima=np.where(nearer, piece.minima, arc.minima),
             minima_time=np.where(nearer, piece.minima_time, arc.minima_time),
-            touches=np.where(nearer[:, None, None], piece.touches, arc.touches),
+            touches=np.where(nearer[:, None], piece.touches, arc.touches),
             margins=np.stack([arc.margins[0], piece.margins[1]]),
             rates=np.stack([arc.rates[0], piece.rates[1]]),
         )
@@ -766,10 +766,11 @@ def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard:
         key=lambda j: float(pieces[j].arc.minima[guard]),
     )
     mode, arc = pieces[number].mode, pieces[number].arc
-    y, columns = arc.touches[guard, 0], arc.touches[guard, 1:]
+    n, touch = shooting.n, arc.touches[guard]
+    y, columns = touch[:n], touch[n:].reshape(n, -1)
     time = float(arc.minima_time[guard])
     event = shooting.variational(at).event(mode, guard, time, y)
-    by_column = columns @ event.margin_by_state[guard]
+    by_column = event.margin_by_state[guard] @ columns
     f = len(shooting.free)
     by_state, by_parameter = by_column[:f], by_column[f : f + k]
     by_parameter = (by_parameter + event.margin_by_parameter[guard, :k]) * at.scales

@@ -17,7 +17,7 @@ from mems_impact.hybrid.attractors import recurrence
 from mems_impact.hybrid.event_loop import loop, workspace
 from mems_impact.hybrid.variational import saltation, tangents
 from mems_impact.integrators.jit.closures import mark_overloaded, take_snapshot
-from mems_impact.integrators.jit.dual_numbers import vector_at
+from mems_impact.integrators.jit.dual_numbers import split_at, vector_at
 from mems_impact.integrators.jit.kernels import ENGINE, call_kernel
 from mems_impact.integrators.jit.numba_support import (
     FOR_C,
@@ -93,6 +93,7 @@ mark_overloaded(
     saltation.extended_engine,
     saltation.event_tangents,
     tangents.numbers,
+    tangents.split_numbers,
     tangents.plain_numbers,
     tangents.evaluate,
 )
@@ -144,6 +145,16 @@ def _numbers(memory, start, count, width):  # type: ignore[no-untyped-def]
     return lambda memory, start, count, width: at(data(memory) + WORD * start, count)
 
 
+@overload(tangents.split_numbers, prefer_literal=True, **TANGENTS)
+def _split_numbers(values, count, tangents, start, stride, width):  # type: ignore[no-untyped-def]
+    at = split_at(width.literal_value)
+
+    def implementation(values, count, tangents, start, stride, width):  # type: ignore[no-untyped-def]
+        return at(data(values), count, data(tangents) + WORD * start, WORD * stride)
+
+    return implementation
+
+
 # No overload, since a function without reference counts must not return a new array.
 @infer_global(tangents.plain_numbers)
 class _PlainNumbers(ConcreteTemplate):
@@ -158,9 +169,9 @@ def _plain_numbers(context: Any, builder: Any, _signature: Any, arguments: Any) 
 
 
 @overload(tangents.evaluate, **TANGENTS)
-def _evaluate(function, owner, by_differences, mode, code, t, y, q, out, p, memory, start):  # type: ignore[no-untyped-def]
-    def implementation(function, owner, by_differences, mode, code, t, y, q, out, p, memory, start):  # type: ignore[no-untyped-def]
-        function(mode, code, t, y, q, out)
+def _evaluate(function, owner, by_differences, arguments, records):  # type: ignore[no-untyped-def]
+    def implementation(function, owner, by_differences, arguments, records):  # type: ignore[no-untyped-def]
+        function(*arguments)
 
     return implementation
 

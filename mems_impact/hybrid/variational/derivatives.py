@@ -41,8 +41,8 @@ class Arc(NamedTuple):
         The flow at both ends.
     minima, minima_time : float array, shape (m,)
         Smallest margin at a closest approach inside the arc (inf if there is none), and its time.
-    touches : float array, shape (m, 1 + free + directions, n)
-        State and columns at that time.
+    touches : float array, shape (m, n (1 + columns))
+        State and columns at that time, as in `mems_impact.hybrid.variational.flow.tangent_flow`.
     margins, rates : float array, shape (2, m)
         Margins and rates at both ends.
     """
@@ -120,7 +120,7 @@ class Variational:
         # State and columns at the start of an arc.
         self._start = np.zeros(self._size)
         for c, i in enumerate(self.free):
-            self._start[self.n * (1 + c) + i] = 1.0
+            self._start[self.n + columns * i + c] = 1.0
 
     @property
     def time_scale(self) -> float:
@@ -185,17 +185,17 @@ class Variational:
                 remedy="start nearer to an orbit, loosen the tolerances, or give typical "
                 "magnitudes of states far from one: System(typical=)",
             )
-        columns, first_direction = y.reshape(count, -1, n), 1 + len(self.free)
+        columns, f = y[:, n:].reshape(count, n, -1), len(self.free)
         margin, jump, margins = workspace.margin, workspace.jump, batch.margins
         arcs = Arc(
-            end=columns[:, 0],
-            by_state=columns[:, 1:first_direction].transpose(0, 2, 1),
-            by_parameter=columns[:, first_direction:].transpose(0, 2, 1),
+            end=y[:, :n],
+            by_state=columns[:, :, :f],
+            by_parameter=columns[:, :, f:],
             slope_start=batch.slopes[:, 0],
             slope_end=batch.slopes[:, 1],
             minima=workspace.minima[:, 0],
             minima_time=workspace.minima[:, 1],
-            touches=workspace.touches.reshape(count, m, -1, n),
+            touches=workspace.touches,
             margins=margins[:, :, :m],
             rates=margins[:, :, m:],
         )

@@ -21,11 +21,15 @@ from mems_impact.hybrid.variational.tangents import (
     Sizes,
     differences_reason,
     differentiated,
+    evaluate,
     event_sizes,
     note_refusal,
+    split_numbers,
     width_for,
     with_code,
 )
+
+MAX_WIDTH = 4  # tangents of a call of the flow; more columns take several calls
 
 
 def with_columns(
@@ -52,20 +56,16 @@ def with_columns(
 
 
 def extended_parameters(p: Floats, directions: Floats, n: int, columns: int) -> Floats:
-    """Return the parameters of `tangent_flow`: p, the directions (shape (k, count)), and scratch.
+    """Return the parameters of `tangent_flow`.
 
-    The scratch has the records of each call, in which those of the parameters do not change.
+    They are p, the directions (shape (k, count)), the tangents of p (shape (count, columns)) if
+    there are directions, and scratch.
     """
-    k, count = len(directions), p.size
-    sizes = Sizes(n, count, n, width_for(columns))
-    width, record = sizes.width, sizes.record
-    scratch = np.zeros((math.ceil(columns / width), sizes.memory))
-    first = record * (1 + n)
-    records = scratch[:, first : first + record * count].reshape(len(scratch), count, record)
-    records[:, :, 0] = p
-    for c, direction in enumerate(directions, columns - k):
-        records[c // width, :, 1 + c % width] = direction
-    return np.concatenate([p, np.ravel(directions), scratch.ravel()])
+    k, tangents = len(directions), np.zeros((p.size, columns))
+    tangents[:, columns - k :] = directions.T
+    scratch = np.zeros(Sizes(n, p.size, n, width_for(columns)).memory)
+    parts = [p, np.ravel(directions), tangents.ravel(), scratch]
+    return np.concatenate(parts if k else [p, scratch])
 
 
 @cache
@@ -80,32 +80,67 @@ def tangent_flow(
 ) -> Callable[..., Any]:
     """Return the flow of the state and its columns.
 
-    The extended state is y (n), then columns of length n: perturbations of the state, then those of
-    the parameters, one for each direction. The parameters are `extended_parameters`.
+    The extended state is y (n), then for each component its perturbations (columns): those of the
+    initial state, then those of the parameters, one for each direction. The parameters are
+    `extended_parameters`.
     """
+    coded, width = with_code(flow), min(columns, MAX_WIDTH)
+    calls, of_p = math.ceil(columns / width), count * (1 + directions)
+    by_differences = _flow_by_differences(flow, n, count, columns, directions)
+
+    def numbers(p, first):  # type: ignore[no-untyped-def]
+        return split_numbers(p, count, p, of_p + first, columns, width)
+
+    def constants(p, first):  # type: ignore[no-untyped-def]
+        return p
+
+    parameters = numbers if directions else constants
+
+    def extended(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
+        for call in range(calls):
+            first = min(width * call, columns - width)  # the last two calls may share columns
+            state = split_numbers(y, n, y, n + first, columns, width)
+            slope = split_numbers(dy, n, dy, n + first, columns, width)
+            arguments = mode, 0, t, state, parameters(p, first), slope
+            evaluate(coded, flow, by_differences, arguments, (mode, t, y, p, dy))
+
+    return extended if exact else by_differences
+
+
+def _flow_by_differences(
+    flow: Callable[..., Any], n: int, count: int, columns: int, directions: int
+) -> Callable[..., Any]:
+    """Return the flow of the state and its columns by differences."""
     sizes = Sizes(n, count, n, width_for(columns))
-    width, record, length = sizes.width, sizes.record, sizes.memory
-    of_slope, scratch = record * (1 + n + count), count * (1 + directions)
+    width, record = sizes.width, sizes.record
+    of_p, of_slope = record * (1 + n), record * (1 + n + count)
+    tangents = count * (1 + directions)
+    scratch = tangents + (count * columns if directions else 0)
     derive = differentiated(
-        with_code(flow), flow, sizes, by_time=False, by_parameter=directions > 0, exact=exact
+        with_code(flow), flow, sizes, by_time=False, by_parameter=directions > 0, exact=False
     )
 
     def extended(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
+        p[scratch] = t
         for first in range(0, columns, width):
-            start = scratch + first // width * length
-            p[start] = t
             for i in range(n):
-                place = start + record * (1 + i)
+                place = scratch + record * (1 + i)
                 p[place] = y[i]
                 for k in range(width):
                     c = first + k
-                    p[place + 1 + k] = y[n * (1 + c) + i] if c < columns else 0.0
-            derive(mode, 0, p, p, start)
+                    p[place + 1 + k] = y[n + columns * i + c] if c < columns else 0.0
+            for i in range(count if directions else 0):
+                place = scratch + of_p + record * i
+                p[place] = p[i]
+                for k in range(width):
+                    c = first + k
+                    p[place + 1 + k] = p[tangents + columns * i + c] if c < columns else 0.0
+            derive(mode, 0, p, p, scratch)
             for i in range(n):
-                place = start + of_slope + record * i
+                place = scratch + of_slope + record * i
                 dy[i] = p[place]
                 for k in range(min(width, columns - first)):
-                    dy[n * (1 + first + k) + i] = p[place + 1 + k]
+                    dy[n + columns * i + first + k] = p[place + 1 + k]
 
     return extended
 

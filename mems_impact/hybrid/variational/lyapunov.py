@@ -307,14 +307,15 @@ class LyapunovIntegrator:
         """Return the derivatives of state and columns, shape (1 + k, n)."""
         state, dy = self._state, np.zeros_like(self._state.y)
         self._extended.call(flow_at, int(state.cycle_mode[1]), float(state.t[0]), state.y, dy)
-        return dy.reshape(-1, self._propagation.variational.n)
+        n = self._propagation.variational.n
+        return np.vstack([dy[:n], dy[n:].reshape(n, -1).T])
 
     def _balancing_weights(self) -> Floats:
         """Return powers of 16 that balance rows and columns of the Jacobian matrix at the start."""
         from scipy.linalg import matrix_balance
 
         n = self._propagation.variational.n
-        column, jacobian = self._state.y[n : 2 * n], np.zeros((n, n))
+        column, jacobian = self._state.y[n:].reshape(n, -1)[:, 0], np.zeros((n, n))
         for j in range(n):
             column[:] = 0.0
             column[j] = 1.0
@@ -332,7 +333,7 @@ class LyapunovIntegrator:
         body that is free between impacts.
         """
         state, n, k = self._state, self._propagation.variational.n, self._propagation.k
-        columns = state.y[n:].reshape(k, n)
+        columns = state.y[n:].reshape(n, k).T
         state.alive[:] = 1
         for c in range(k):
             columns[c] = np.cos(math.sqrt(2.0) * (1.0 + c) * np.arange(1, n + 1) + c)

@@ -230,16 +230,17 @@ def project(engine: Any, mode: int, t: float, y: Any, workspace: Any, row: int) 
     the workspace is scratch.
     """
     n, directions = workspace.n, workspace.directions
-    first_direction = y.size // n - directions
+    columns = y.size // n - 1
     differentiate_event(engine, mode, 2 * workspace.m + 1, t, y, workspace, row)
     jump, projection = workspace.jump[row], workspace.work[5]
-    for c in range(1, y.size // n):
+    for c in range(columns):
+        direction = c - columns + directions
         for i in range(n):
-            projection[i] = jump[i, n + 2 + c - first_direction] if c >= first_direction else 0.0
+            projection[i] = jump[i, n + 2 + direction] if direction >= 0 else 0.0
             for j in range(n):
-                projection[i] += jump[i, 1 + j] * y[n * c + j]
+                projection[i] += jump[i, 1 + j] * y[n + columns * j + c]
         for i in range(n):
-            y[n * c + i] = projection[i]
+            y[n + columns * i + c] = projection[i]
     interface.transition(engine, mode, 2 * workspace.m + 1, t, y)
 
 
@@ -496,8 +497,9 @@ class PerturbationState(NamedTuple):
     Attributes
     ----------
     y : float array, shape (n (1 + k),)
-        The state, its cyclic components zero, then the columns: orthonormal, in weighted
-        components, but for their cyclic components.
+        The state, its cyclic components zero, then the columns, as in
+        `mems_impact.hybrid.variational.flow.tangent_flow`: orthonormal, in weighted components, but
+        for their cyclic components.
     cycle_mode : int array, shape (2,)
         Completed periods before the time base, and the mode.
     t : float array, shape (1,)
@@ -707,9 +709,7 @@ def apply_saltation(engine: Any, event: Any, state: Any, problem: Any) -> None:
         if not is_beyond:
             state.shifts[c] = 0.0
             for j in range(n):
-                state.shifts[c] += (
-                    workspace.margin[0, guard, 1 + j] * state.y[n * (1 + c) + j] / rate
-                )
+                state.shifts[c] += workspace.margin[0, guard, 1 + j] * state.y[n + k * j + c] / rate
         update_column(c, flow_before, flow_after, state, problem)
 
 
@@ -723,7 +723,7 @@ def apply_rest_saltation(
     flights are so low that the instant of the transition is irrelevant.
     """
     workspace = problem.variational
-    n, mode = workspace.n, state.cycle_mode[1]
+    n, k, mode = workspace.n, problem.k, state.cycle_mode[1]
     flow_before, flow_after, response = workspace.work[8], workspace.work[9], workspace.work[5]
     for j in range(n):
         flow_before[j] = flow_after[j] = 0.0
@@ -734,12 +734,12 @@ def apply_rest_saltation(
         gap_response += workspace.margin[0, guard, 1 + j] * response[j]
     for c in range(problem.k):
         state.shifts[c] = 0.0
-        column = n * (1 + c)
         gap = 0.0
         for j in range(n):
-            gap += workspace.margin[0, guard, 1 + j] * state.y[column + j]
+            gap += workspace.margin[0, guard, 1 + j] * state.y[n + k * j + c]
         for j in range(n):
-            state.y[column + j] -= gap / gap_response * response[j] if gap_response != 0.0 else 0.0
+            change = gap / gap_response * response[j] if gap_response != 0.0 else 0.0
+            state.y[n + k * j + c] -= change
         update_column(c, flow_before, flow_after, state, problem)
     state.cycle_mode[1] = interface.transition(
         engine, mode, workspace.m + guard, state.t[0], state.y
@@ -755,17 +755,17 @@ def contact_response(
     speed). Requires `differentiate` at the contact of `guard`.
     """
     workspace = problem.variational
-    n, rate = workspace.n, workspace.m + guard
+    n, k, rate = workspace.n, problem.k, workspace.m + guard
     x, slope = workspace.work[0], workspace.work[6]
     for i in range(state.y.size):
         x[i] = state.y[i]
     for i in range(n):
-        x[n + i] = -workspace.margin[0, rate, 1 + i]
+        x[n + k * i] = -workspace.margin[0, rate, 1 + i]
         for j in range(n):
-            x[n + i] += workspace.jump[0, i, 1 + j] * workspace.margin[0, rate, 1 + j]
+            x[n + k * i] += workspace.jump[0, i, 1 + j] * workspace.margin[0, rate, 1 + j]
     interface.flow(column_engine, mode, state.t[0], x[: state.y.size], slope[: state.y.size])
     for i in range(n):
-        response[i] = slope[n + i]
+        response[i] = slope[n + k * i]
 
 
 def differentiate(engine: Any, mode: int, code: int, state: Any, problem: Any) -> None:
@@ -780,11 +780,11 @@ def update_column(c: int, flow_before: Any, flow_after: Any, state: Any, problem
     and the flow before it shorter.
     """
     workspace = problem.variational
-    n, column, shift = workspace.n, workspace.n * (1 + c), state.shifts[c]
+    n, k, column, shift = workspace.n, problem.k, workspace.n + c, state.shifts[c]
     result = workspace.work[10]
     length = max_size = 0.0
     for i in range(n):
-        weight, change = problem.weights[i], abs(state.y[column + i])
+        weight, change = problem.weights[i], abs(state.y[column + k * i])
         max_size = max(max_size, weight * change if problem.cyclic[i] == 0 else 0.0)
         kick = flow_after[i] - workspace.jump[0, i, n + 1]
         size = abs(flow_after[i]) + abs(workspace.jump[0, i, n + 1])
@@ -794,7 +794,7 @@ def update_column(c: int, flow_before: Any, flow_after: Any, state: Any, problem
         result[i] = kick * shift if shift != 0.0 else 0.0
         size = size * abs(shift) if shift != 0.0 else 0.0
         for j in range(n):
-            term = workspace.jump[0, i, 1 + j] * state.y[column + j]
+            term = workspace.jump[0, i, 1 + j] * state.y[column + k * j]
             result[i] += term
             size += abs(term)
         if problem.cyclic[i] == 0:
@@ -803,7 +803,7 @@ def update_column(c: int, flow_before: Any, flow_after: Any, state: Any, problem
     if length <= ZERO_COLUMN * max_size:
         state.alive[c] = 0
     for i in range(n):
-        state.y[column + i] = result[i]
+        state.y[column + k * i] = result[i]
 
 
 def orthonormalize(zero_part: float, state: Any, problem: Any) -> float:
@@ -813,49 +813,49 @@ def orthonormalize(zero_part: float, state: Any, problem: Any) -> float:
     A column with a remaining part of at most `zero_part` is zero from then on.
     """
     workspace = problem.variational
-    n, min_ratio = workspace.n, 1.0
-    for c in range(problem.k):
-        column = n * (1 + c)
+    n, k, min_ratio = workspace.n, problem.k, 1.0
+    for c in range(k):
+        column = n + c
         for i in range(n):
             if problem.cyclic[i] == 1 or state.alive[c] == 0:
-                state.y[column + i] = 0.0
-            state.y[column + i] *= problem.weights[i]
+                state.y[column + k * i] = 0.0
+            state.y[column + k * i] *= problem.weights[i]
         if state.alive[c] == 0:
             state.shifts[c] = 0.0
             continue
-        initial_length = length_of(state.y, column, n)
+        initial_length = length_of(state.y, column, k, n)
         for _ in range(2):
             for other in range(c):
-                previous = n * (1 + other)
+                previous = n + other
                 projection = 0.0
                 for i in range(n):
-                    projection += state.y[column + i] * state.y[previous + i]
+                    projection += state.y[column + k * i] * state.y[previous + k * i]
                 for i in range(n):
-                    state.y[column + i] -= projection * state.y[previous + i]
+                    state.y[column + k * i] -= projection * state.y[previous + k * i]
                 state.shifts[c] -= projection * state.shifts[other]
-        length = length_of(state.y, column, n)
+        length = length_of(state.y, column, k, n)
         if not length > zero_part * initial_length:
             state.alive[c] = 0
             state.shifts[c] = 0.0
             for i in range(n):
-                state.y[column + i] = 0.0
+                state.y[column + k * i] = 0.0
             continue
         min_ratio = min(min_ratio, length, length / initial_length)
         state.growth[c] += math.log(length)
         state.shifts[c] /= length
         for i in range(n):
-            state.y[column + i] /= length
-    for c in range(problem.k):
-        for i in range(n):
-            state.y[n * (1 + c) + i] /= problem.weights[i]
+            state.y[column + k * i] /= length
+    for i in range(n):
+        for c in range(k):
+            state.y[n + k * i + c] /= problem.weights[i]
     return min_ratio
 
 
-def length_of(y: Any, column: int, n: int) -> float:
-    """Return the length of the n values of `y` from `column` on."""
+def length_of(y: Any, column: int, k: int, n: int) -> float:
+    """Return the length of n values of `y`, every k-th from `column` on."""
     square = 0.0
     for i in range(n):
-        square += y[column + i] * y[column + i]
+        square += y[column + k * i] * y[column + k * i]
     return math.sqrt(square)
 
 

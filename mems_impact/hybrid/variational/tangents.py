@@ -106,7 +106,8 @@ def differentiated(
     def derive(mode, code, p, memory, start):  # type: ignore[no-untyped-def]
         time, y = instant(memory, start), numbers(memory, start + record, n, width)
         out, q = numbers(memory, start + of_out, size, width), given(p, memory, start)
-        evaluate(function, owner, by_differences, mode, code, time, y, q, out, p, memory, start)
+        given_numbers, records = (mode, code, time, y, q, out), (mode, code, p, memory, start)
+        evaluate(function, owner, by_differences, given_numbers, records)
 
     def by_differences(mode, code, given_p, memory, start):  # type: ignore[no-untyped-def]
         scratch = start + of_scratch
@@ -193,6 +194,13 @@ def numbers(memory: Any, start: int, count: int, width: int) -> Any:
     return DualVector(memory, start, count, width)
 
 
+def split_numbers(
+    values: Any, count: int, tangents: Any, start: int, stride: int, width: int
+) -> Any:
+    """Return the first `count` values as numbers, whose tangents are elsewhere from an index on."""
+    return DualVector(values, 0, count, width, (tangents, start, stride))
+
+
 def plain_numbers(memory: Any, start: int, count: int) -> Any:
     """Return `count` numbers without tangents, from an index on."""
     return DualVector(memory, start, count, 0)
@@ -230,19 +238,25 @@ def _explained(error: Exception, function: Callable[..., Any]) -> str:
 
 
 def evaluate(
-    function: Any, owner: Any, by_differences: Any, mode: int, code: int, t: Any, y: Any, q: Any,
-    out: Any, p: Any, memory: Any, start: int,
-) -> None:  # fmt: skip
-    """Call a function with numbers that carry tangents; interpreted, by differences if it fails."""
+    function: Any,
+    owner: Any,
+    by_differences: Any,
+    arguments: tuple[Any, ...],
+    records: tuple[Any, ...],
+) -> None:
+    """Call a function with numbers that carry tangents.
+
+    Interpreted, a function that fails is differentiated by differences, with other arguments.
+    """
     if function not in _refusals:
         try:
-            copy_for_tangents(function)(mode, code, t, y, q, out)
+            copy_for_tangents(function)(*arguments)
             return
         except (ArithmeticError, ValueError):
             raise
         except Exception as error:
             reason = _explained(error, function)
-        by_differences(mode, code, p, memory, start)  # raises the function's own errors
+        by_differences(*records)  # raises the function's own errors
         note_refusal(reason, function, owner)
         return
-    by_differences(mode, code, p, memory, start)
+    by_differences(*records)

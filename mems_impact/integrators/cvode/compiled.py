@@ -292,22 +292,23 @@ def weights_callback() -> Any:
     """
     load()
 
-    def weights(y, out, user):  # type: ignore[no-untyped-def]
+    def error_weights(y, out, user):  # type: ignore[no-untyped-def]
         handle = _handle(user)
-        n, states = handle.n, handle.states
-        values, errors = pointer(_data(y)), pointer(_data(out))
-        factor = math.sqrt(n / states)
-        for first in range(0, n, states):
+        n, columns = handle.states, handle.n // handle.states - 1
+        values, weights, rtol = pointer(_data(y)), pointer(_data(out)), handle.rtol
+        factor = math.sqrt(1.0 + columns)
+        for i in range(n):
+            weights[i] = factor / (rtol * abs(values[i]) + handle.atol)
+        for c in range(columns):
             size = 1.0
-            if first > 0:
-                for i in range(first, first + states):
-                    size = max(size, abs(values[i]))
-            for i in range(first, first + states):
-                errors[i] = factor / (handle.rtol * abs(values[i]) + handle.atol * size)
-            factor = COLUMN_WEIGHT * math.sqrt(n / states)
+            for i in range(n):
+                size = max(size, abs(values[n + columns * i + c]))
+            for i in range(n):
+                j = n + columns * i + c
+                weights[j] = COLUMN_WEIGHT * factor / (rtol * abs(values[j]) + handle.atol * size)
         return 0
 
-    return compile_callback(weights, WEIGHTS_CALLBACK, sources())
+    return compile_callback(error_weights, WEIGHTS_CALLBACK, sources())
 
 
 @cache

@@ -312,24 +312,22 @@ def stages(engine: Any, t: float, h: float) -> float:
         # Slopes without a weight in the error estimate.
         k[PROBE] = k[1] + k[2] + k[3] + k[4]
     # fmt: on
-    error = error_of(engine, 0, h)
-    first = engine.states
-    while first < engine.n:
-        of_column = COLUMN_WEIGHT * error_of(engine, first, h)
+    error, columns = error_of(engine, 0, 1, h), engine.n // engine.states - 1
+    for c in range(columns):
+        of_column = COLUMN_WEIGHT * error_of(engine, engine.states + c, columns, h)
         error = (of_column if of_column > error else error) + 0.0 * of_column
-        first += engine.states
     return error
 
 
-def error_of(engine: Any, first: int, h: float) -> float:
-    """Return the error of state or column from component `first` on, in tolerances.
+def error_of(engine: Any, first: int, stride: int, h: float) -> float:
+    """Return the error of the state or of a column, in tolerances.
 
     The error estimate of DOP853 is of order 7: it combines two embedded methods, of orders 5 and 3.
     It is not finite if a slope is not.
     """
     error_5, error_3, probe = 0.0, 0.0, 0.0
-    for j in range(first, first + engine.states):
-        k = component(engine, j)
+    for i in range(engine.states):
+        k = component(engine, first + stride * i)
         error_5 += k[DIFFERENCE_5] * k[DIFFERENCE_5]
         error_3 += k[DIFFERENCE_3] * k[DIFFERENCE_3]
         probe += k[PROBE]
@@ -795,14 +793,14 @@ def take_step(engine: Any) -> int:
 
 def scale_columns(engine: Any) -> None:
     """Set the absolute tolerances of columns, which are relative to long columns."""
-    start, floor, first = row(engine, START), row(engine, FLOOR), engine.states
-    while first < engine.n:
+    start, floor, n = row(engine, START), row(engine, FLOOR), engine.states
+    columns = engine.n // n - 1
+    for c in range(columns):
         size = 1.0
-        for j in range(first, first + engine.states):
-            size = max(size, abs(start[j]))
-        for j in range(first, first + engine.states):
-            floor[j] = engine.atol * size
-        first += engine.states
+        for i in range(n):
+            size = max(size, abs(start[n + columns * i + c]))
+        for i in range(n):
+            floor[n + columns * i + c] = engine.atol * size
 
 
 def check_stability(engine: Any, h: float) -> None:

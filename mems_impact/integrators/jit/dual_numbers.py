@@ -41,7 +41,7 @@ from mems_impact.integrators.jit import trigonometry
 from mems_impact.integrators.jit.integer_arithmetic import OF_REALS, end_where_undefined, multiplied
 from mems_impact.integrators.jit.numba_support import FOR_C, INNER, VECTOR, WORD, data, view
 
-__all__ = ["dual", "vector", "vector_at"]
+__all__ = ["dual", "split_at", "vector", "vector_at"]
 
 DOUBLE, INTEGER = ir.DoubleType(), ir.IntType(64)
 NUMBER = (types.Float, types.Integer, types.Boolean)
@@ -91,6 +91,15 @@ class VectorType(types.Type):
         super().__init__(f"DualVector({kind})")
 
 
+class SplitType(types.Type):
+    """The type of a view of dual numbers whose values and tangents are two arrays."""
+
+    def __init__(self, kind: DualType) -> None:
+        self.kind = kind
+        super().__init__(f"SplitVector({kind})")
+
+
+VIEWS = (VectorType, SplitType)
 dual = cache(DualType)
 
 
@@ -114,7 +123,9 @@ class _TangentsModel(models.PrimitiveModel):
 
 
 _register(DualType, lambda kind: [("value", kind.value), ("slope", kind.slope)])
-_register(VectorType, lambda _: [("address", types.int64), ("length", types.int64)])
+_WORDS = [(name, types.int64) for name in ("address", "length", "slopes", "stride")]
+_register(VectorType, lambda _: _WORDS[:2])
+_register(SplitType, lambda _: _WORDS)
 
 # --- Numbers as parts: a double, a vector of tangents, or a pair of value and slope, each of parts;
 # None is zero
@@ -562,6 +573,16 @@ def _in_memory(builder: Any, kind: Any, address: Any, index: Any) -> Iterator[An
     yield from _in_memory(builder, kind.slope, after, first)
 
 
+def _places(builder: Any, numbers: Any, view: Any, index: Any) -> Iterator[Any]:
+    """Yield these pointers of a number of a view."""
+    if isinstance(numbers, VectorType):
+        yield from _in_memory(builder, numbers.kind, view.address, index)
+        return
+    yield from _in_memory(builder, numbers.kind.value, view.address, index)
+    slope = builder.add(view.slopes, builder.mul(index, view.stride))
+    yield from _in_memory(builder, numbers.kind.slope, slope, ir.Constant(INTEGER, 0))
+
+
 def _loaded(builder: Any, kind: Any, places: Iterator[Any]) -> Any:
     if isinstance(kind, DualType):
         return tuple(_loaded(builder, each, places) for each in (kind.value, kind.slope))
@@ -582,7 +603,7 @@ def _load(_typing: Any, numbers: Any, index: Any) -> Any:
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         view = cgutils.create_struct_proxy(numbers)(context, builder, value=args[0])
-        places = _in_memory(builder, kind, view.address, args[1])
+        places = _places(builder, numbers, view, args[1])
         return _packed(context, builder, kind, _loaded(builder, kind, places))
 
     return kind(numbers, types.int64), codegen
@@ -594,7 +615,7 @@ def _store(_typing: Any, numbers: Any, index: Any, number: Any) -> Any:
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         view = cgutils.create_struct_proxy(numbers)(context, builder, value=args[0])
-        places = _in_memory(builder, kind, view.address, args[1])
+        places = _places(builder, numbers, view, args[1])
         _stored(builder, _parts(context, builder, kind, args[2]), places)
         return context.get_dummy_value()
 
@@ -614,6 +635,7 @@ def _member(name: str) -> Any:
 
 
 _address, _length = _member("address"), _member("length")
+_slopes, _stride = _member("slopes"), _member("stride")
 
 
 def vector_at(width: int) -> Any:
@@ -637,12 +659,34 @@ def _vector_at(number: DualType) -> Any:
     return view
 
 
+@cache
+def split_at(width: int) -> Any:
+    """Return an intrinsic: a view of values and of tangents at two addresses, `stride` bytes apart.
+
+    Its arguments are the address of the values, the number of values, the address of the tangents
+    and the stride.
+    """
+    kind = SplitType(dual(width))
+
+    @intrinsic
+    def view(_typing: Any, address: Any, length: Any, slopes: Any, stride: Any) -> Any:
+        def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            numbers = cgutils.create_struct_proxy(kind)(context, builder)
+            numbers.address, numbers.length, numbers.slopes, numbers.stride = args
+            return numbers._getvalue()
+
+        return kind(*[types.int64] * 4), codegen
+
+    return view
+
+
 @overload(len, **_OPTIONS)
 def _len(numbers):  # type: ignore[no-untyped-def]
-    return (lambda numbers: _length(numbers)) if isinstance(numbers, VectorType) else None
+    return (lambda numbers: _length(numbers)) if isinstance(numbers, VIEWS) else None
 
 
 @overload_attribute(VectorType, "size", **_OPTIONS)
+@overload_attribute(SplitType, "size", **_OPTIONS)
 def _count_of(numbers):  # type: ignore[no-untyped-def]
     return lambda numbers: _length(numbers)
 
@@ -660,11 +704,21 @@ _place_overload = overload(_place, **_OPTIONS)(lambda numbers, index: _place)
 
 @overload(operator.getitem, **_OPTIONS)
 def _get(numbers, index):  # type: ignore[no-untyped-def]
-    if not isinstance(numbers, VectorType):
+    if not isinstance(numbers, VIEWS):
         return None
     if isinstance(index, types.Integer):
         return lambda numbers, index: _load(numbers, _place(numbers, index))
     if isinstance(index, types.SliceType) and not index.has_step:
+        if isinstance(numbers, SplitType):
+            split = split_at(numbers.kind.width)
+
+            def split_part(numbers, index):  # type: ignore[no-untyped-def]
+                start, stop, _ = index.indices(_length(numbers))
+                slopes, stride = _slopes(numbers), _stride(numbers)
+                address, length = _address(numbers) + WORD * start, max(0, stop - start)
+                return split(address, length, slopes + stride * start, stride)
+
+            return split_part
         at, size = _vector_at(numbers.kind), WORD * _doubles(numbers.kind)
 
         def part(numbers, index):  # type: ignore[no-untyped-def]
@@ -677,7 +731,7 @@ def _get(numbers, index):  # type: ignore[no-untyped-def]
 
 @overload(operator.setitem, **_OPTIONS)
 def _set(numbers, index, number):  # type: ignore[no-untyped-def]
-    if not isinstance(numbers, VectorType) or not isinstance(index, types.Integer):
+    if not isinstance(numbers, VIEWS) or not isinstance(index, types.Integer):
         return None
     return lambda numbers, index, number: _store(numbers, _place(numbers, index), number)
 
