@@ -13,7 +13,9 @@ Equilibria: the same for the flow, section 5.4 there too.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +26,6 @@ from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.equilibrium_branch import HOPF
 from mems_impact.continuation.higher_derivatives import (
     DirectionalDerivatives,
-    Jacobian,
     directional_derivatives,
 )
 from mems_impact.continuation.test_functions import (
@@ -36,12 +37,16 @@ from mems_impact.continuation.test_functions import (
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.orbits.monodromy import reduced_components
+from mems_impact.orbits.newton import TOLERANCE
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
 
 ENTRY_ERROR = 1e-12  # relative error of an entry of a derivative
 SIGNIFICANCE = 3.0  # multiple of its error that a coefficient must exceed to have a sign
+
+Differentiation = Callable[[Floats], DirectionalDerivatives]
+"""A function that returns derivatives along a vector."""
 
 # --- The return map of an orbit.
 
@@ -288,14 +293,14 @@ def _bordered(matrix: Floats, q: Floats, p: Floats, right: Floats) -> Floats:
         return np.asarray(np.linalg.lstsq(bordered, right)[0][:size])
 
 
-def fold_coefficient(system: Jacobian, matrix: Floats, size: float, target: float) -> NormalForm:
+def fold_coefficient(along: Differentiation, matrix: Floats, target: float) -> NormalForm:
     """Return the quadratic coefficient of a fold: a = <p, B(q, q)> / 2.
 
     `matrix` has the eigenvalue `target`: 1 for a map, 0 for a flow.
     """
     q, p, _ = _real(matrix, target)
-    along = directional_derivatives(system, q, size)
-    a, error = 0.5 * float(p @ along.second @ q), 0.5 * _gain(p) * along.second_error
+    derivatives = along(q)
+    a, error = 0.5 * float(p @ derivatives.second @ q), 0.5 * _gain(p) * derivatives.second_error
     equation = "x -> x + a x^2" if target == 1.0 else "x' = a x^2"
     return NormalForm(equation, {"a": a}, {"a": error})
 
@@ -309,44 +314,42 @@ def _cubic(
     return c, error + abs(c) * relative
 
 
-def cubic_coefficient(system: Jacobian, matrix: Floats, size: float, target: float) -> NormalForm:
+def cubic_coefficient(along: Differentiation, matrix: Floats, target: float) -> NormalForm:
     """Return the cubic coefficient of a pitchfork: c = <p, C(q, q, q) + 3 B(q, h)> / 6.
 
     ``h`` solves (mu - A) h = B(q, q) on the complement of q. Supercritical if c is negative.
     """
     q, p, relative = _real(matrix, target)
-    along = directional_derivatives(system, q, size)
-    h = _bordered(target * np.eye(q.size) - matrix, q, p, along.second @ q)
-    c, error = _cubic(along, q, p, h, relative)
+    derivatives = along(q)
+    h = _bordered(target * np.eye(q.size) - matrix, q, p, derivatives.second @ q)
+    c, error = _cubic(derivatives, q, p, h, relative)
     equation = "x -> x + c x^3" if target == 1.0 else "x' = c x^3"
     return NormalForm(equation, {"c": c}, {"c": error}, criticality_of(c, error))
 
 
-def crossing_coefficient(
-    system: Jacobian, matrix: Floats, size: float, target: float
-) -> NormalForm:
+def crossing_coefficient(along: Differentiation, matrix: Floats, target: float) -> NormalForm:
     """Return the normal form of a branch point: transcritical (quadratic) or pitchfork (cubic)."""
-    quadratic = fold_coefficient(system, matrix, size, target)
+    quadratic = fold_coefficient(along, matrix, target)
     if abs(quadratic.coefficient) > SIGNIFICANCE * quadratic.error:
         return quadratic
-    return cubic_coefficient(system, matrix, size, target)
+    return cubic_coefficient(along, matrix, target)
 
 
-def flip_coefficient(system: Jacobian, matrix: Floats, size: float) -> NormalForm:
+def flip_coefficient(along: Differentiation, matrix: Floats) -> NormalForm:
     """Return the cubic coefficient of a period doubling, x -> -x + c x^3.
 
     c = <p, C(q, q, q) + 3 B(q, h)> / 6 with (1 - A) h = B(q, q). Supercritical if c is positive:
     the orbit of twice the period is stable on the center manifold.
     """
     q, p, relative = _real(matrix, -1.0)
-    along = directional_derivatives(system, q, size)
-    h: Floats = np.linalg.solve(np.eye(q.size) - matrix, along.second @ q).astype(float)
-    c, error = _cubic(along, q, p, h, relative)
+    derivatives = along(q)
+    h: Floats = np.linalg.solve(np.eye(q.size) - matrix, derivatives.second @ q).astype(float)
+    c, error = _cubic(derivatives, q, p, h, relative)
     return NormalForm("x -> -x + c x^3", {"c": c}, {"c": error}, criticality_of(-c, error))
 
 
 def neimark_sacker_coefficient(
-    system: Jacobian, matrix: Floats, size: float, target: complex
+    along: Differentiation, matrix: Floats, target: complex
 ) -> NormalForm:
     """Return the cubic coefficient of a Neimark-Sacker bifurcation.
 
@@ -357,15 +360,13 @@ def neimark_sacker_coefficient(
     vectors = _critical(matrix, target)
     mu = vectors.value / abs(vectors.value)
 
-    c, error = _resonant_cubic(
-        system, vectors, size, _resolvent(matrix, 1.0), _resolvent(matrix, mu * mu)
-    )
+    c, error = _resonant_cubic(along, vectors, _resolvent(matrix, 1.0), _resolvent(matrix, mu * mu))
     d = 0.5 * float((np.conj(mu) * c).real)
     equation = "z -> exp(i theta) z (1 + d |z|^2)"
     return NormalForm(equation, {"d": d}, {"d": 0.5 * error}, criticality_of(d, error))
 
 
-def hopf_coefficient(system: Jacobian, matrix: Floats, size: float, target: complex) -> NormalForm:
+def hopf_coefficient(along: Differentiation, matrix: Floats, target: complex) -> NormalForm:
     """Return the cubic coefficient of a Hopf bifurcation: the first Lyapunov coefficient.
 
     l = Re(<p, C(q, q, q*) + 2 B(q, h11) + B(q*, h20)>) / 2, with -A h11 = B(q, q*) and
@@ -376,7 +377,7 @@ def hopf_coefficient(system: Jacobian, matrix: Floats, size: float, target: comp
     omega = vectors.value.imag
 
     c, error = _resonant_cubic(
-        system, vectors, size, _resolvent(matrix, 0.0), _resolvent(matrix, 2j * omega)
+        along, vectors, _resolvent(matrix, 0.0), _resolvent(matrix, 2j * omega)
     )
     coefficient = 0.5 * float(c.real)
     criticality = criticality_of(coefficient, error)
@@ -389,7 +390,7 @@ def _resolvent(matrix: Floats, shift: complex) -> Complexes:
 
 
 def _resonant_cubic(
-    system: Jacobian, vectors: _Critical, size: float, mean: Complexes, double: Complexes
+    along: Differentiation, vectors: _Critical, mean: Complexes, double: Complexes
 ) -> tuple[complex, float]:
     """Return <p, C(q, q, q*) + 2 B(q, h11) + B(q*, h20)> and its error.
 
@@ -401,8 +402,7 @@ def _resonant_cubic(
     turn = np.exp(-1j * angle)
     q, p = vectors.right * turn, vectors.left * turn
     u, v = q.real, q.imag
-    along_u = directional_derivatives(system, u, size)
-    along_v = directional_derivatives(system, v, size)
+    along_u, along_v = along(u), along(v)
 
     def second(x: Complexes) -> Complexes:
         """Return B(q, x)."""
@@ -461,21 +461,22 @@ def orbit_normal_form(
     if kind not in (FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT):
         return None
     returns = ReturnMap(shooting, point)
-    system, matrix, size = returns.jacobian_at, returns.jacobian, returns.size or 1.0
+    matrix = returns.jacobian
+    along = partial(directional_derivatives, returns.jacobian_at, size=returns.size or 1.0)
     if kind == FOLD:
-        return fold_coefficient(system, matrix, size, 1.0)
+        return fold_coefficient(along, matrix, 1.0)
     if kind == NEIMARK_SACKER:
         values = np.linalg.eigvals(matrix)
         off_axis = values[values.imag > 0.0]
         if not off_axis.size:
             return None  # neutral saddle
         target = off_axis[np.argmin(np.abs(np.abs(off_axis) - 1.0))]
-        return neimark_sacker_coefficient(system, matrix, size, complex(target))
+        return neimark_sacker_coefficient(along, matrix, complex(target))
     if kind == PERIOD_DOUBLING and not doubled:
-        return flip_coefficient(system, matrix, size)
+        return flip_coefficient(along, matrix)
     if kind == BRANCH_POINT:
-        return crossing_coefficient(system, matrix, size, 1.0)
-    return cubic_coefficient(system, matrix, size, 1.0)
+        return crossing_coefficient(along, matrix, 1.0)
+    return cubic_coefficient(along, matrix, 1.0)
 
 
 def equilibrium_normal_form(kind: str, state: EquilibriumState) -> NormalForm | None:
@@ -486,20 +487,27 @@ def equilibrium_normal_form(kind: str, state: EquilibriumState) -> NormalForm | 
     OrbitError
         If the flow cannot be differentiated.
     """
-    equations, balance = state.equations, state.balance
+    equations, balance = state.equations, replace(state.balance, values=np.zeros(0))
     if kind not in (FOLD, HOPF, BRANCH_POINT):
         return None
 
-    def system(x: Floats) -> Floats:
-        return equations.evaluate(balance.unknowns + x, np.zeros(0)).jacobian
+    def jacobian(x: Floats) -> Floats:
+        return equations.evaluate(balance.unknowns + x, balance.values).jacobian
+
+    def exact(u: Floats) -> DirectionalDerivatives:
+        second, third = (equations.derivatives_along(balance, *k * (u,)) for k in (1, 2))
+        largest, error = float(np.abs(second).max()), ENTRY_ERROR * float(np.abs(third).max())
+        # The equilibrium itself has an error.
+        moved = TOLERANCE / ENTRY_ERROR * error
+        return DirectionalDerivatives(second, third, ENTRY_ERROR * largest + moved, error)
 
     matrix, size = balance.jacobian, max(1.0, float(np.abs(balance.unknowns).max()))
+    differences = partial(directional_derivatives, jacobian, size=size)
+    along: Differentiation = exact if equations.is_exact(balance) else differences
     if kind == FOLD:
-        return fold_coefficient(system, matrix, size, 0.0)
+        return fold_coefficient(along, matrix, 0.0)
     if kind == BRANCH_POINT:
-        return crossing_coefficient(system, matrix, size, 0.0)
+        return crossing_coefficient(along, matrix, 0.0)
     values = np.linalg.eigvals(matrix)
     rotating = values[values.imag > 0.0]
-    return hopf_coefficient(
-        system, matrix, size, complex(rotating[np.argmin(np.abs(rotating.real))])
-    )
+    return hopf_coefficient(along, matrix, complex(rotating[np.argmin(np.abs(rotating.real))]))

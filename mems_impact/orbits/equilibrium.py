@@ -140,6 +140,17 @@ class EquilibriumEquations:
             second = second + _derivatives(self._rates, x, sixth_order_difference(moved, h))
         return second
 
+    def is_exact(self, point: EquilibriumEvaluation) -> bool:
+        """Return whether the functions take numbers with tangents."""
+        try:
+            derivatives(
+                partial(self._rates, copy_for_tangents),
+                *self._numbers(point.unknowns, point.values),
+            )
+        except Exception:
+            return False
+        return True
+
     def margin_gradient(self, point: EquilibriumEvaluation, guard: int) -> Floats:
         """Return the derivatives of a margin by unknowns and parameters, shape (f + k,)."""
 
