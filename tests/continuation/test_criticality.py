@@ -166,7 +166,7 @@ def test_symmetric_cycles_of_the_lorenz_system():
     fork = mi.continue_solution(cycle, "r", 305.0, stop_at="BP").special_points[-1]
     assert (fork.label, fork.criticality) == ("BP", ABOVE)
     assert fork.value == pytest.approx(313.0, abs=0.05)
-    pair = mi.switch_branch(fork, bounds=(300.0, 320.0), steps=mi.StepControl(max_points=8)).table
+    pair = mi.switch_branch(fork, bounds=(300.0, 320.0), steps=mi.StepControl(max_points=10)).table
     # Beside the point its error, from the integration, exceeds the distance in r.
     assert pair["r"].max() < fork.value + 1e-4
     assert pair["r"].iloc[0] < fork.value - 5e-4
