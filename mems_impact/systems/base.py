@@ -199,7 +199,17 @@ class HybridSystem(Result, ABC):
 
     def number_rates(self, name: str, changes: Mapping[str, float]) -> ProblemParameters | None:
         """Return the derivatives of `numbers` by a scaled parameter; None if they are unknown."""
-        return None
+        if name not in self._indices:
+            return None
+        numbers = self._checked_numbers
+        rates = np.zeros(len(numbers.parameters))
+        rates[self._indices[name]] = 1.0
+        return ProblemParameters(rates, 0.0, (0.0,) * len(numbers.switches), None)
+
+    @cached_property
+    def _indices(self) -> Mapping[str, int]:
+        """Indices of the parameters that occur in the parameter array, and nowhere else."""
+        return self.parameter_indices
 
     @abstractmethod
     def shifted(self, values: Mapping[str, float]) -> Self:
