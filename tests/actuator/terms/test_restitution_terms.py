@@ -110,9 +110,10 @@ def test_files_units_and_pickles(tmp_path):
 @pytest.mark.parametrize("term", [POWER, TABLE])
 def test_multipliers_see_the_slope(term):
     device, name = ZHAO.adding(term), "e" if term is TABLE else "power_law_restitution.speed"
-    orbit = mi.find_orbit(mi.simulate(device, DRIVE, periods=300, initial=mi.kicked_state(ZHAO)))
-    assert len(orbit.impacts) == 1
     precise = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
+    run = mi.simulate(device, DRIVE, 300, initial=mi.kicked_state(ZHAO), options=precise)
+    orbit = mi.find_orbit(run, options=precise)
+    assert len(orbit.impacts) == 1
     start, columns, h = orbit.state, [], 1e-5
     for which in ("x2", "v2"):
         ends = []
@@ -128,5 +129,6 @@ def test_multipliers_see_the_slope(term):
     if term is POWER:
         branch = mi.continue_solution(orbit, name, stop=0.4)
         other = ZHAO.adding(mi.PowerLawRestitution(speed=0.4, exponent=0.25))
-        same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, initial=mi.kicked_state(ZHAO)))
+        run = mi.simulate(other, DRIVE, 300, initial=mi.kicked_state(ZHAO), options=precise)
+        same = mi.find_orbit(run, options=precise)
         assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)

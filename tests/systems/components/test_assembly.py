@@ -208,7 +208,7 @@ def test_the_actuator_put_together_from_parts_is_the_actuator():
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "adams"])
 def test_they_run_compiled_as_they_run_interpreted(method):
-    system = block([STOP, GROUND, mi.Stopper("other", "x", "v", lower=-0.3, restitution="e")])
+    system = block([STOP, GROUND])
     for start in (mi.State(v=2.0), mi.State(x=1.0, load=1.0)):
         one, other = (
             mi.simulate(system, duration=4.0, initial=start, options=options)
