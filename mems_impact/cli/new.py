@@ -25,7 +25,7 @@ TEMPLATES = {
 
 OPTION_QUANTITIES = {
     **QUANTITIES,
-    "friction": Entry("", "coefficient of friction, or two: static, dynamic"),
+    "friction": Entry("", "coefficient of friction, or static and dynamic: 0.4,0.3"),
 }
 
 

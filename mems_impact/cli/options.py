@@ -64,8 +64,9 @@ changes_option = click.option(
     multiple=True,
     type=AssignmentType(),
     callback=lambda _ctx, _parameter, pairs: dict(pairs),
-    help="Set a parameter of the device, such as e=0.7 or k='11 N/m', or of a term, such as "
-    "tilt.angle=0.1; the term is added if the device lacks it. May be repeated.",
+    help="Set a parameter of the device, such as e=0.7 or k='11 N/m' (devices lists the "
+    "names), or of a term, such as tilt.angle=0.1; the term is added if the device lacks it. May "
+    "be repeated.",
 )
 
 device_options = apply_decorators(device_argument(), changes_option)

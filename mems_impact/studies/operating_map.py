@@ -214,9 +214,9 @@ def operating_map(
     x, y : tuple of str and array_like
         Parameter and its values, in the units of the system: ``("amplitude", values)``.
     initial : State or mapping of str to float, optional
-        Initial state of every point; by default the initial state of the system, which decides
-        between several attractors: for an actuator, `kicked_state` finds the attractor with
-        impacts.
+        Initial state of every point; by default the initial state of the system. The initial state
+        decides between several attractors: for an actuator, `kicked_state` finds the attractor
+        with impacts.
     recurrence : RecurrenceOptions, optional
         Length of the transient, and criteria for a periodic motion.
     options : Options, optional

@@ -72,6 +72,7 @@ def test_a_type_is_a_string_with_the_numbers_of_its_criterion(growth):
     assert [text.get_text() for text in mi.plot_branch(growth).texts] == ["GS"]
 
 
+@pytest.mark.slow
 def test_a_type_that_cannot_be_determined_says_why(growth, monkeypatch):
     def fails(*_):
         raise ZeroDivisionError("float division by zero")

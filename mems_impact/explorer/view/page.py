@@ -58,6 +58,7 @@ __all__ = ["Page"]
 
 FIRST_STATUS = "computing; a new system is compiled first, about 7 s, once"
 STALE_RUN_SECONDS = 0.5  # s for which an outdated run continues
+KEPT_DIAGRAMS = 8
 ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s without changes before the computation
 
 
@@ -85,6 +86,7 @@ class Page:
         self.specs = {spec.name: spec for spec in specs}
         self.picture: RunSnapshot | None = None
         self._requested_diagram: Any = None
+        self._complete: dict[Any, DiagramSnapshot] = {}  # shown again when settings return
         self._saved = 0
         refused = ""
         try:
@@ -235,7 +237,7 @@ class Page:
         if self.bifurcation is not None and self._requested_diagram != request.key:
             self._requested_diagram = request.key
             self.bifurcation.show_message("computing …", stale=True)
-            self.diagrams.request(request)
+            self.diagrams.request(self._complete.get(request.key, request))
 
     def _show_orbit(self, picture: RunSnapshot, floquet: Floquet) -> None:
         if picture is self.picture:
@@ -247,7 +249,8 @@ class Page:
     def _diagram(self, request: DiagramRequest | DiagramSnapshot, watch: Watch) -> DiagramSnapshot:
         """Compute a diagram, or its special points."""
         if isinstance(request, DiagramSnapshot):
-            return with_special_points(self.subject, request, watch)
+            known = request.continued
+            return request if known else with_special_points(self.subject, request, watch)
         return diagram_of(self.subject, request, self.specs[request.setting.parameter], watch)
 
     def _show_diagram(self, _: DiagramRequest | DiagramSnapshot, diagram: DiagramSnapshot) -> None:
@@ -261,6 +264,10 @@ class Page:
             self.diagrams.request(request.finer())
         elif not diagram.continued:
             self.diagrams.request(diagram)
+        else:
+            self._complete[request.key] = diagram
+            if len(self._complete) > KEPT_DIAGRAMS:
+                del self._complete[next(iter(self._complete))]
 
     def _send(self, ending: str, content: bytes, *, copied: bool = False) -> None:
         """Let the browser save a file, or copy it to the clipboard."""

@@ -4,6 +4,7 @@
 const FRAMES_A_SECOND = 56
 const MOST_A_SECOND = 25 // that are drawn
 const REST = 300 // ms in which a slider may move on: drawing the next picture goes before playing
+const still = matchMedia("(prefers-reduced-motion: reduce)")
 let begun = null
 let last = 0
 let shown = null
@@ -71,7 +72,7 @@ function step(now) {
     shown = data
     paused = now
   }
-  const resting = now - Math.max(paused, window.slider_moved ?? 0) < REST
+  const resting = still.matches || now - Math.max(paused, window.slider_moved ?? 0) < REST
   if (resting) begun += passed
   const played = Math.max(0, now - begun) / 1000 * FRAMES_A_SECOND
   const i = Math.floor(played) % data.t.length
