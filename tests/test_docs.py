@@ -40,8 +40,10 @@ def python_blocks(text):
 
 
 def marks(page):
-    """Return the mark of a page whose examples the site's build runs too."""
+    """Return the mark of a page whose examples the site's build runs too, or of a term's page."""
     built = page.is_relative_to(DOCS) and "savefig(" in page.read_text(encoding="utf-8")
+    if page.parent.name == "terms" and not built:
+        return pytest.mark.nightly
     return pytest.mark.built if built else ()
 
 

@@ -68,8 +68,13 @@ def test_every_name_has_its_page_once():
     assert sorted(pages) == NAMES
 
 
+def marks(name):
+    """Return the mark of a plotting function, whose example repeats that of the drawn result."""
+    return pytest.mark.nightly if name.startswith(("plot_", "anim", "Anim")) else ()
+
+
 @pytest.mark.slow(all=True)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=marks(name)) for name in NAMES])
 def test_examples_run(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")

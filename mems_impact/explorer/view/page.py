@@ -6,6 +6,7 @@ import base64
 import json
 import sys
 import traceback
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, partial
 from importlib.resources import files
@@ -86,7 +87,7 @@ class Page:
         self.specs = {spec.name: spec for spec in specs}
         self.picture: RunSnapshot | None = None
         self._requested_diagram: Any = None
-        self._complete: dict[Any, DiagramSnapshot] = {}  # shown again when settings return
+        self._complete: deque[DiagramSnapshot] = deque(maxlen=KEPT_DIAGRAMS)  # shown again
         self._saved = 0
         refused = ""
         try:
@@ -237,7 +238,8 @@ class Page:
         if self.bifurcation is not None and self._requested_diagram != request.key:
             self._requested_diagram = request.key
             self.bifurcation.show_message("computing …", stale=True)
-            self.diagrams.request(self._complete.get(request.key, request))
+            known = (each for each in self._complete if each.request.setting == setting)
+            self.diagrams.request(next(known, request))
 
     def _show_orbit(self, picture: RunSnapshot, floquet: Floquet) -> None:
         if picture is self.picture:
@@ -264,10 +266,8 @@ class Page:
             self.diagrams.request(request.finer())
         elif not diagram.continued:
             self.diagrams.request(diagram)
-        else:
-            self._complete[request.key] = diagram
-            if len(self._complete) > KEPT_DIAGRAMS:
-                del self._complete[next(iter(self._complete))]
+        elif not any(each is diagram for each in self._complete):
+            self._complete.append(diagram)
 
     def _send(self, ending: str, content: bytes, *, copied: bool = False) -> None:
         """Let the browser save a file, or copy it to the clipboard."""

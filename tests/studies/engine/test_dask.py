@@ -78,6 +78,7 @@ def test_an_interruption_gives_the_cluster_free(client):
     assert client.submit(int).result(timeout=60) == 0
 
 
+@pytest.mark.nightly
 def test_a_chunk_that_kills_its_workers_is_given_up(client):
     # Dask does not bring a worker back that dies before it is known to have begun.
     study = Toy(size=40, deadly=(13,), agony=1.5)
