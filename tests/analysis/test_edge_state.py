@@ -41,6 +41,7 @@ def test_the_saddle_of_a_cubic_map():
     assert (found.table["distance"] <= 2e-5).all()
 
 
+@pytest.mark.slow
 def test_a_motion_that_settles_slowly_is_no_third_attractor():
     """Multipliers: 0.98 of the attractors at -0.1 and 0.1, 1.01 of the saddle."""
     found = mi.edge_state(CUBIC.changed(a=1.01), {"x": 0.1}, {"x": -0.13})
@@ -49,6 +50,7 @@ def test_a_motion_that_settles_slowly_is_no_third_attractor():
     assert [each.x for each in found.attractors] == pytest.approx([0.1, -0.1], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_slow_approach_to_the_saddle_settles_near_it():
     """The distance of y from the saddle at 1 is 20 times its change per return at the rate 0.05."""
     system = mi.System(

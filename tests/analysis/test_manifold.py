@@ -58,6 +58,7 @@ def test_an_invariant_parabola(case, kind):
     assert chords.max() <= 0.02 * (1.0 + 1e-9)
 
 
+@pytest.mark.slow
 def test_the_fibre_across_the_parabola_is_a_line():
     """Points with x = 0 map to x = 0, by exactly the factor 3."""
     table = mi.manifold(saddle(0.0), "unstable", length=2.0).table

@@ -46,6 +46,7 @@ def test_a_run_that_has_settled_is_its_steady_state():
     assert mi.steady_state(run) is run
 
 
+@pytest.mark.slow
 def test_half_a_turn_per_period():
     """Two multipliers -q: the states alternate, their squares do not."""
     run = mi.simulate(_relaxing(0.99, alternating=True, k2=1.0), 150, initial={"c": 3.0})

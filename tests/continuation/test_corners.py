@@ -58,6 +58,7 @@ def test_a_border_within_a_transition_is_warned_of(step):
     assert value == pytest.approx(BORDERS[step], abs=5e-3)
 
 
+@pytest.mark.slow
 def test_a_smooth_transition_is_not():
     assert warned(smooth) == []
 

@@ -76,6 +76,7 @@ def test_points_of_the_grazing_curve_touch_the_stopper(grazing_curve):
         assert free_block.highest(state, f, omega) == pytest.approx(0.5, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_grazing_curve_towards_larger_frequencies(at_half):
     (start,) = special(at_half, "grazing")
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, direction=1)

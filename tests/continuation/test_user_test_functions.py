@@ -68,6 +68,7 @@ def test_an_event_is_continued_in_a_second_parameter(branch):
     assert small.table["x"].to_numpy() == pytest.approx(0.62, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_an_orbit_is_continued_at_a_fixed_value(fixed_point):
     curve = mi.continue_curve(fixed_point, "q", 0.05, fixed="x", free="r", steps=LONG)
     assert curve.kind == "x = 0.5"

@@ -90,7 +90,9 @@ def test_a_motion_rests_at_a_virtual_equilibrium_whose_guard_waits():
     assert rest.violated_guards == ("floor",)
 
 
-@pytest.mark.parametrize("engine", ["interpreted", "compiled"])
+@pytest.mark.parametrize(
+    "engine", ["compiled", pytest.param("interpreted", marks=pytest.mark.slow(all=True))]
+)
 def test_a_recurrence_continues_after_an_event_without_its_repetition(engine):
     """z changes its sign when x passes 0.7: 1 tends to -1, and a repetition would lead back."""
     passing = mi.Guard(
@@ -126,6 +128,7 @@ def wave(**parameters):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_sweep_continues_as_a_run(tmp_path):
     """Each value begins while "brake" waits or not; in chunks or not, and again from a store."""
     length, values = 3.2, np.linspace(0.0, 1.0, 6)
@@ -136,6 +139,7 @@ def test_a_sweep_continues_as_a_run(tmp_path):
         assert gains == pytest.approx(np.diff(ends) / length, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_state_of_an_orbit_begins_a_run_along_it():
     """A motion between two slopes of a spring; at the start of a period "far" waits."""
     soft, stiff = mi.modes("soft", "stiff")

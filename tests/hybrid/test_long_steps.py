@@ -90,6 +90,7 @@ def test_a_system_with_a_period_keeps_its_longest_step():
     assert mi.simulate(box, periods=100).trajectory.steps >= 1600
 
 
+@pytest.mark.slow
 def test_more_samples_than_memory_holds_are_refused():
     system = mi.System(
         states=("x",), flow=lambda mode, t, y, p: (-p.k * y.x,), parameters={"k": 1.0}

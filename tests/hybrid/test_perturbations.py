@@ -120,6 +120,7 @@ def test_a_transition_caused_by_another_has_its_time():
     check(problem, start, 3)
 
 
+@pytest.mark.slow
 def test_impacts():
     system = oscillator(A=1.0, e=0.7)
     problem = system.problem(FAST)
@@ -269,6 +270,7 @@ def test_only_the_run_looks_for_events():
     assert one._memory.clock["section"] == -1
 
 
+@pytest.mark.slow
 def test_the_same_to_the_last_bit():
     system = oscillator(A=0.5)
     problem = system.problem(FAST)

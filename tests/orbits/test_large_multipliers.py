@@ -59,6 +59,7 @@ def test_a_singular_factor_has_no_effect_on_the_other_eigenvalues():
     assert abs(values[2]) < 1e-14 * abs(values[0])
 
 
+@pytest.mark.slow
 def test_multipliers_of_a_rotating_frame_are_right_to_1e_8_over_30_orders():
     """Rates 5 and -5 in a frame that turns once a period: multipliers exp(±5 T), exp(-T)."""
 
@@ -80,6 +81,7 @@ def test_multipliers_of_a_rotating_frame_are_right_to_1e_8_over_30_orders():
     np.testing.assert_allclose(orbit.multipliers, exact, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_multipliers_of_pairs_are_right_over_45_orders():
     """Constant coefficients, in other states: multipliers exp(T (4 ± i)), exp(T (-4 ± 2 i))."""
 

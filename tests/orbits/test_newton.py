@@ -59,6 +59,7 @@ def _turn_up(mode, t, y, p):
     return UP, (0.0, y.y)
 
 
+@pytest.mark.slow
 def test_a_function_that_fails_at_other_parameters_is_reported():
     """By what it does there, not where the equations were first set up."""
     there = mi.System(

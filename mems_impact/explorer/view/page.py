@@ -59,7 +59,6 @@ __all__ = ["Page"]
 
 FIRST_STATUS = "computing; a new system is compiled first, about 7 s, once"
 STALE_RUN_SECONDS = 0.5  # s for which an outdated run continues
-KEPT_DIAGRAMS = 8
 ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s without changes before the computation
 
 
@@ -74,6 +73,8 @@ class Page:
     specs : tuple of SliderSpec
     query : mapping of str to iterable of str
         Query of the address.
+    complete : deque of DiagramSnapshot
+        Complete diagrams of all pages, which are shown again.
     """
 
     def __init__(
@@ -82,12 +83,12 @@ class Page:
         subject: Subject,
         specs: tuple[SliderSpec, ...],
         query: Mapping[str, Iterable[str]],
+        complete: deque[DiagramSnapshot],
     ) -> None:
-        self.document, self.subject = document, subject
+        self.document, self.subject, self._complete = document, subject, complete
         self.specs = {spec.name: spec for spec in specs}
         self.picture: RunSnapshot | None = None
         self._requested_diagram: Any = None
-        self._complete: deque[DiagramSnapshot] = deque(maxlen=KEPT_DIAGRAMS)  # shown again
         self._saved = 0
         refused = ""
         try:

@@ -57,7 +57,8 @@ function move(data, i, loops) {
 }
 
 function step(now) {
-  requestAnimationFrame(step)
+  if (still.matches) setTimeout(() => requestAnimationFrame(step), REST)
+  else requestAnimationFrame(step)
   if (now - last < 1000 / MOST_A_SECOND) return
   const passed = now - last
   last = now

@@ -265,6 +265,7 @@ def test_wrong_times(make, message):
         make()
 
 
+@pytest.mark.slow
 def test_a_contact_that_opens_when_its_charge_has_left():
     """The voltage in the contact decays by RC from 140 V to 15 V, below the resting voltage."""
     natural = 2.0 * math.pi * math.sqrt(SWITCH.m2 / SWITCH.k)

@@ -59,6 +59,7 @@ def test_a_block_that_rests_is_in_contact():
     assert found.table.attrs["units"] == {"time": "s"}
 
 
+@pytest.mark.slow
 def test_life_by_hand(orbit):
     # Archard: volume = wear rate x normal force x path; the frame slips forward only.
     found = mi.life(orbit, wear=2e-6, area=0.5, depth=1e-3)

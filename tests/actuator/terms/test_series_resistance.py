@@ -55,6 +55,7 @@ def flow(resistance, parasitic, volts):
     return rates
 
 
+@pytest.mark.slow
 def test_motion_and_multipliers_are_those_of_scipy():
     resistance, parasitic, omega = 0.4, 0.2, 0.9
     device = FIRM.adding(

@@ -244,6 +244,7 @@ def test_a_body_stuck_to_another_one_anywhere_has_a_stable_orbit_for_each_place(
     assert other.state.x - other.state.z == pytest.approx(0.1, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_motion_that_repeats_at_any_place_is_periodic():
     def flow(mode, t, y, p):
         return y.v, -y.x - 0.2 * y.v + 0.3 * math.cos(t)
