@@ -182,6 +182,6 @@ def test_signatures_show_what_a_verb_takes_and_no_defaults_of_options():
     assert of_device.startswith("(actuator, drive, *, x, y, ")
     assert "options=Options(method='auto')," in of_system
     assert module.signatures(mi.continue_solution) == [
-        "(orbit, parameter, stop, *, back=None, steps=StepControl(max_step=0.02), "
-        "through_grazing=True, events=None, stop_at=(), progress=False)"
+        "(solution, parameter, stop, *, back=None, steps=None, through_grazing=True, "
+        "events=None, stop_at=(), progress=False)"
     ]
