@@ -692,7 +692,10 @@ class Simulation:
                 "one instant, the more often the longer the row"
             )
         y = self.memory.local.tolist()
-        if is_at_guard and transitions > 1 and depends_on_time_only(self._margin_of(failure), y):
+        fires_again = is_at_guard and transitions > 1
+        if (fires_again or status == workspace.INADMISSIBLE) and depends_on_time_only(
+            self._margin_of(failure), y
+        ):
             remedy = AT_TIMES
         if status == workspace.NO_SUCH_MODE and failure == workspace.NO_REST:
             reason = "a chatter sequence has ended"

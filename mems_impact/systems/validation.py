@@ -28,6 +28,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import DiscontinuityWarning, FunctionError, InvalidParameter, StartWarning
+from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.definition import Definition, named_tuple
 from mems_impact.hybrid.diagnostics.failures import AT_TIMES, depends_on_time_only
 from mems_impact.hybrid.diagnostics.user_functions import (
@@ -707,13 +708,12 @@ class ShortRun:
             events = self.check_events(on_event)
             time = clock.t if self.problem.automaton.forced else clock.cycle * period + clock.t
             at = _point(clock.mode, time, memory.local)
-            if status == INADMISSIBLE:
+            if status == INADMISSIBLE and clock.arcs == 0:
                 i, location = clock.failure, self.checked.location(at)
                 name, margin = self.guards[i].name, self.checked.margin(i, at)
                 reason = f"lies beyond the guard {name!r}, whose margin is {margin:.6g} {location}"
                 raise InvalidParameter("initial", None, "", problem=reason)
-            is_own = bool((events.guard[-INSTANT // 2 :] == clock.failure).all())
-            if status == EVENT_BUDGET and is_own and clock.failure < len(self.guards):
+            if status == EVENT_BUDGET and self.repeats(clock.failure, events):
                 raise self.still_falling(clock.failure, at)
             fault = engine.fault()
             if fault is not None and fault.role == MARGINS:
@@ -729,6 +729,12 @@ class ShortRun:
                 return
             if status != PAUSED:
                 return
+
+    def repeats(self, i: int, events: Events) -> bool:
+        """Return whether a guard whose margin is a condition of the mode has had all events."""
+        guard = self.guards[i] if i < len(self.guards) else Guard("a switch")
+        is_condition = guard.condition or guard.impact
+        return is_condition and bool((events.guard[-INSTANT // 2 :] == i).all())
 
     def check_events(self, on_event: EventCallback) -> Events:
         """Return the events of the last step, whose transitions are repeated with checks."""

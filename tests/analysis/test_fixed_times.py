@@ -66,7 +66,7 @@ def test_and_so_where_only_a_run_meets_it(kind):
     guards = [kind("hammer", step, blow)]
     system = mi.System(states=("x", "v"), flow=swing, parameters={"J": 1.0}, guards=guards)
     options = mi.Options(engine="interpreted", max_events=50)
-    with pytest.raises(mi.RunError, match=r"max_events = 50 .* depends on time alone") as caught:
+    with pytest.raises(mi.RunError, match=r"the margin depends on time alone") as caught:
         mi.simulate(system, duration=40.0, options=options)
     assert "restitution" not in str(caught.value)
 
