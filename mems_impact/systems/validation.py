@@ -163,8 +163,7 @@ def _functions(definition: Definition) -> Iterator[UserFunction]:
 
 # --- Undeclared discontinuities of the flow
 
-PROBE_OFFSETS = (1e-7, 1e-6, 1e-5)  # relative to the time scale: intervals searched for a jump
-STEPS_AHEAD = (1.0, 8.0, 64.0)  # relative to very short steps of a run
+STEPS_AHEAD = (1.0, 8.0, 64.0)  # relative to very short steps: intervals searched for a jump
 DECLARED_RATIO = 8.0  # of the interval, within which a guard declares a jump
 MIN_JUMP_RATIO = 1e-6  # smallest jump, relative to the slope
 JUMP_BISECTIONS = 60  # of the enclosing interval, unless rounding ends the bisection before
@@ -205,44 +204,18 @@ def warn_of_discontinuity(
     values = zip(system.states, at.y.tolist(), strict=True)
     y = [float(system.out(name, value)) for name, value in values]
     point = EvaluationPoint(at.mode, float(system.out("time", time)), y)
-    active_guards = [
-        i for i, g in enumerate(definition.guards) if g.modes is None or at.mode in g.modes
-    ]
     try:
-        slope = checked.flow(point)
-        units = [float(system.out("time", stretch)) for stretch in stretches]
-        return warn_of_jump(checked, point, slope, active_guards, units)
+        return _jumps(checked, point, [float(system.out("time", each)) for each in stretches])
     except (FunctionError, DomainError, ArithmeticError):
         return False  # other checks report errors of functions
 
 
-def warn_of_jump(
-    checked: CheckedFunctions,
-    at: EvaluationPoint,
-    slope: Sequence[float],
-    active_guards: Sequence[int],
-    stretches: Sequence[float],
-) -> bool:
-    """Warn if the flow is discontinuous just ahead of a point where steps have become very short.
+def _jumps(checked: CheckedFunctions, at: EvaluationPoint, stretches: Sequence[float]) -> bool:
+    """Warn if the flow is discontinuous within lengths of time, ascending, ahead of a point.
 
     A guard that fires there declares the discontinuity.
-
-    Parameters
-    ----------
-    checked : CheckedFunctions
-    at : EvaluationPoint
-    slope : sequence of float
-        The flow at this point.
-    active_guards : sequence of int
-        Active guards.
-    stretches : sequence of float
-        Lengths of the intervals to search, ascending.
-
-    Returns
-    -------
-    bool
-        Whether the flow is discontinuous.
     """
+    slope, guards = checked.flow(at), active_guards(checked.definition, at.mode)
 
     def ahead(s: float) -> EvaluationPoint:
         return EvaluationPoint(
@@ -254,7 +227,7 @@ def warn_of_jump(
         enclosed = _enclosed(checked, ahead, length)
         if enclosed is None:
             continue
-        if any(checked.margin(i, at) * checked.margin(i, beyond) <= 0.0 for i in active_guards):
+        if any(checked.margin(i, at) * checked.margin(i, beyond) <= 0.0 for i in guards):
             return False
         before, after, min_jump = enclosed
         if min(_rounding(checked, at), _rounding(checked, end)) < JUMP_ROUNDING_RATIO * min_jump:
