@@ -145,7 +145,7 @@ def test_contract_of_random_pairs(wave, phase):
     "name",
     [
         "sampled",
-        pytest.param("burst on both sides", marks=pytest.mark.slow),
+        "burst on both sides",
         "jumping custom",
     ],
 )

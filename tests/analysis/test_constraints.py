@@ -57,9 +57,7 @@ MU = math.exp(-0.05 * 2.0 * math.pi)  # one oscillator of mass 2, damping 0.2
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "engine", ["interpreted", pytest.param("compiled", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("engine", ["interpreted", "compiled"])
 def test_multipliers_of_an_orbit_in_a_mode_held_for_good(engine):
     options = replace(TIGHT, engine=engine)
     orbit = mi.find_orbit(joined(), transient=60, options=options)

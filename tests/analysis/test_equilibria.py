@@ -78,9 +78,7 @@ def test_a_guess_leads_to_the_nearest():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("s", "b"), [(10.0, 8.0 / 3.0), pytest.param(16.0, 4.0, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("s", "b"), [(10.0, 8.0 / 3.0), (16.0, 4.0)])
 def test_hopf_point_of_lorenz(s, b):
     (first,) = mi.find_equilibria(LORENZ.changed(s=s, b=b))
     branch = mi.continue_solution(first, "r", 50.0)

@@ -257,7 +257,7 @@ def test_frictions_side_by_side_break_away_together():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("turned", [False, True])
 def test_frictions_that_only_a_ring_makes_parallel_break_away_together(turned):
     """The same, the body in two halves that are stuck together, each on the ground by one."""
     whole = contacts.Drawn(1, 2657)
@@ -296,7 +296,7 @@ def test_frictions_that_only_a_ring_makes_parallel_break_away_together(turned):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("turned", [False, True])
 def test_of_frictions_that_reach_their_limits_together_one_may_stay(turned):
     """The ground holds two bodies with all it can; one slides, and the other is relieved by it."""
     rubs = (
@@ -324,7 +324,7 @@ def test_of_frictions_that_reach_their_limits_together_one_may_stay(turned):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("turned", [False, True])
 def test_the_judge_of_contacts_leaves_sequences_of_impacts_without_restitution(turned):
     """A slide brings the lower body back to its stop again and again, each time 0.4245 as long.
 

@@ -174,7 +174,7 @@ def test_an_elastic_block_pressed_to_the_stopper_is_reported_with_its_reason():
 @pytest.mark.parametrize(
     ("engine", "share"),
     [
-        *(pytest.param("compiled", share, marks=pytest.mark.slow) for share in (0.0, 0.5, 1.0)),
+        *(("compiled", share) for share in (0.0, 0.5, 1.0)),
         ("interpreted", 0.5),
     ],
 )

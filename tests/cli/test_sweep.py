@@ -42,7 +42,7 @@ def test_the_screen_shows_one_row_per_value(cli):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("device", [pytest.param("zhao2004", marks=pytest.mark.slow), "mita2003"])
+@pytest.mark.parametrize("device", ["zhao2004", "mita2003"])
 def test_ten_rows_with_ends_and_switches_fit_80_columns(cli, monkeypatch, device):
     monkeypatch.setenv("COLUMNS", "80")
     scale = mi.load_actuator(device).scales

@@ -106,9 +106,7 @@ def oblique(mode, t, y, p):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "seed", [13, pytest.param(18, marks=pytest.mark.slow), pytest.param(41, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("seed", [13, 18, 41])
 def test_branch_points_of_maps_where_residuals_are_rounding(seed):
     random = np.random.default_rng(seed)
     t = random.standard_normal((2, 2))

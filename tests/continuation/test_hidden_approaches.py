@@ -46,8 +46,8 @@ def _strike(mode, t, y, p):
     ("method", "unit", "rate"),
     [
         ("adams", 1.0, 1.0),
-        pytest.param("dop853", 1.0, 1.0, marks=pytest.mark.slow),
-        pytest.param("dop853", 1e-6, 1e3, marks=pytest.mark.slow),
+        ("dop853", 1.0, 1.0),
+        ("dop853", 1e-6, 1e3),
     ],
     ids=str,
 )

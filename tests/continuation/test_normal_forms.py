@@ -103,7 +103,7 @@ def test_a_coefficient_that_is_zero_has_no_criticality():
     ("t", "e", "f"),
     [(1.0, 0.3, -0.4), (-0.7, 0.0, 0.5)]
     + [
-        pytest.param(t, e, f, marks=pytest.mark.slow)
+        (t, e, f)
         for t, e, f in [
             (0.5, 0.3, 0.2),
             (1.0, 0.3, 0.2),

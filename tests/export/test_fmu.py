@@ -318,7 +318,7 @@ def test_tables_of_a_device_are_no_parameters(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("unoptimized")
-@pytest.mark.parametrize("fmi", [pytest.param("2.0", marks=pytest.mark.slow), "3.0"])
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 def test_values_out_of_range_are_refused_with_the_range(tmp_path, fmi):
     path = MITA.to_fmu(tmp_path / "device.fmu", mi.Sine(amplitude=60.0, frequency=100.0), fmi=fmi)
     assert problems_of(path) == []
@@ -380,23 +380,14 @@ BOUNDED = {
 @pytest.mark.parametrize(
     ("terms", "bounds"),
     [
-        pytest.param(
-            "comb",
-            [("comb_drive.overlap", 4e-6, 2.4e-6, "> 2.5e-06 m, the largest deflection")],
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "yielding comb",
-            [("d", 1.7e-5, 1.9e-5, "must be > 1.075e-05 m, the largest deflection")],
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
+        ("comb", [("comb_drive.overlap", 4e-6, 2.4e-6, "> 2.5e-06 m, the largest deflection")]),
+        ("yielding comb", [("d", 1.7e-5, 1.9e-5, "must be > 1.075e-05 m, the largest deflection")]),
+        (
             "fringing",
             [
                 ("fringing.width", 1.5e-5, 1.4e-5, "must be >= 1.5e-05 m, twice the widest gap"),
                 ("d", 4.7e-5, 5e-5, "must be >= 0.000105 m, twice the widest gap"),
             ],
-            marks=pytest.mark.slow,
         ),
         (
             "tilted",
@@ -413,16 +404,8 @@ BOUNDED = {
                 ("k", 1.005 * MITA.k, 1.02 * MITA.k, "the stiffness of the table at x2 = 0"),
             ],
         ),
-        pytest.param(
-            "capacitance",
-            [("delta", 3e-6, 3.1e-6, "the table of tabulated_capacitance ends")],
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "film",
-            [("squeeze_film.width", 2e-4, 3e-4, "must be <= 0.0002 m, the length")],
-            marks=pytest.mark.slow,
-        ),
+        ("capacitance", [("delta", 3e-6, 3.1e-6, "the table of tabulated_capacitance ends")]),
+        ("film", [("squeeze_film.width", 2e-4, 3e-4, "must be <= 0.0002 m, the length")]),
     ],
 )
 def test_bounds_of_numbers_by_others(tmp_path, terms, bounds):

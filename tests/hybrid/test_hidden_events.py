@@ -59,12 +59,8 @@ def first_strike(p, start):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "period", [*(pytest.param(each, marks=pytest.mark.slow) for each in (0.1, 1.0)), 100.0]
-)
-@pytest.mark.parametrize(
-    ("k", "amplitude"), [pytest.param(20.0, 0.05, marks=pytest.mark.slow), (60.0, 0.02)]
-)
+@pytest.mark.parametrize("period", [*(each for each in (0.1, 1.0)), 100.0])
+@pytest.mark.parametrize(("k", "amplitude"), [(20.0, 0.05), (60.0, 0.02)])
 def test_the_first_of_two_floors_is_struck(k, amplitude, period):
     rng = np.random.default_rng(7)
     for _ in range(40):

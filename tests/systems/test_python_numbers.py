@@ -82,7 +82,7 @@ def test_runs(form, method, given):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", ["named", pytest.param("arrays", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("form", ["named", "arrays"])
 def test_orbits_and_exponents(form):
     options = mi.Options(engine="interpreted", method="dop853", rtol=1e-6)
     assert mi.find_orbit(rubbing(form), transient=10, options=options).stable

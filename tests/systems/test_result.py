@@ -530,7 +530,7 @@ def test_a_file_that_expands_too_far_is_not_read(saved, member):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stride", [37, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("stride", [37, 3])
 @pytest.mark.parametrize("saved", ["run"], indirect=True)
 def test_every_bit_of_the_directory_of_a_file(saved, stride):
     """Flags of encryption, methods of compression, sizes, names: the end of a zip archive."""

@@ -81,10 +81,10 @@ def same_tables(one, other):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["dop853", "adams", pytest.param("bdf", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("method", ["dop853", "adams", "bdf"])
 @pytest.mark.parametrize(
     "arrays",
-    [False, pytest.param(True, marks=pytest.mark.slow)],
+    [False, True],
     ids=["named", "arrays"],
 )
 def test_by_powers_of_two_a_run_is_the_same_to_the_last_bit(arrays, method):

@@ -139,7 +139,7 @@ def test_ring_down_of_a_run_in_si(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("friction", "options"),
-    [(0.3, OPTIONS), pytest.param(0.001, mi.Options(method="dop853"), marks=pytest.mark.slow)],
+    [(0.3, OPTIONS), (0.001, mi.Options(method="dop853"))],
 )
 def test_ring_down_is_measured_with_the_frame_at_rest(friction, options):
     # The spring moves the frame; with hardly any friction it coasts for longer than a swing lasts.

@@ -141,7 +141,7 @@ def resident():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")
-@pytest.mark.parametrize("method", [pytest.param("adams", marks=pytest.mark.slow), "bdf"])
+@pytest.mark.parametrize("method", ["adams", "bdf"])
 def test_engines_free_their_memory(method):
     def burn(number):
         for _ in range(number):

@@ -98,7 +98,7 @@ def test_failed_points_are_computed_again(store, chained, again):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("chained", [(), (500, 200, 300)], ids=["points", "chains"])
-@pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [1, 5])
 def test_a_study_that_is_killed_continues(forking, store, chained, kills):
     quick = Toy(size=1000, chained=chained)
     long = replace(quick, each=0.05)  # so that it is not done before it is killed

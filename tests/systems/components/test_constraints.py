@@ -30,9 +30,7 @@ def pressed(typical=None):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "typical", [pytest.param(None, marks=pytest.mark.slow), SIZES], ids=["plain", "typical"]
-)
+@pytest.mark.parametrize("typical", [None, SIZES], ids=["plain", "typical"])
 def test_bodies_that_stay_together_have_the_multipliers_of_one_body(typical):
     orbit = mi.find_orbit(pressed(typical), options=TIGHT)
     # (1 + 1) x'' + 0.2 x' + x = 0.3 cos t
