@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import mems_impact as mi
 from mems_impact.actuator.terms import TERM_CLASSES
 from validation.campaign import terms
 from validation.campaign.comparing import END
@@ -21,19 +22,8 @@ def test_every_term_is_tried():
 
 @pytest.mark.nightly
 def test_without_terms_it_meets_the_judge_of_the_papers_equations():
-    device = {
-        "m1": 5.0,
-        "m2": 1.0,
-        "k": 1.0,
-        "c": 0.04,
-        "d": 1.0,
-        "delta": 0.5,
-        "e": 0.8,
-        "mu_s": 0.0012,
-        "mu_d": 0.0009,
-        "alpha": 1.0,
-        "g": 9.81,
-    }
+    device = {name: value for name, value in mi.load_actuator("zhao2004") if name != "units"}
+    device |= {"mu_s": 0.0012, "mu_d": 0.0009}
     voltage = Source(bias=0.05, a1=0.3, w1=0.5)
     judge = with_terms.Device(device, {}, lambda t: Piece(math.inf, voltage))
     start = np.zeros(len(judge.states))

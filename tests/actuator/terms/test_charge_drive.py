@@ -5,9 +5,9 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import mems_impact as mi
+from tests.actuator.terms.held_frame import impacts
 
 ZHAO = mi.load_actuator("zhao2004")
 FIRM = ZHAO.replace(mu_s=5.0)  # a frame that nothing moves
@@ -64,30 +64,7 @@ def test_motion_with_impacts_is_that_of_scipy():
     def rates(t, y):
         return [y[1], node(t, y[0]) ** 2 / (1.0 - y[0]) ** 2 - y[0] - 0.04 * y[1]]
 
-    def right(t, y):
-        return 0.5 - y[0]
-
-    def left(t, y):
-        return 0.5 + y[0]
-
-    for event in (right, left):
-        event.terminal, event.direction = True, -1
-    t, y, hits, end = 0.0, [0.0, 0.75], [], 3.0 * math.pi / 0.6
-    while t < end:
-        arc = solve_ivp(
-            rates,
-            (t, end),
-            y,
-            method="DOP853",
-            rtol=1e-11,
-            atol=1e-13,
-            max_step=0.05,
-            events=(right, left),
-        )
-        t, y = arc.t[-1], arc.y[:, -1]
-        if arc.status == 1:
-            hits.append(t)
-            y = [math.copysign(0.5, y[0]), -0.8 * y[1]]
+    hits, _ = impacts(rates, [0.0, 0.75], [3.0 * math.pi / 0.6], max_step=0.05)
     assert len(hits) >= 2
     np.testing.assert_allclose(run.impacts["t"], hits, rtol=0, atol=5e-8)
     samples = run.samples(20)

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import mems_impact as mi
 from mems_impact.actuator.drives.slewed import SlewedDrive
+from tests.actuator.terms.held_frame import impacts
 
 ZHAO = mi.load_actuator("zhao2004")
 INTERPRETED = mi.Options(engine="interpreted")
@@ -101,33 +101,9 @@ def test_motion_with_impacts_is_that_of_scipy():
     def rates(t, y):
         return [y[1], volts(t) ** 2 / (1.0 - y[0]) ** 2 - y[0] - 0.04 * y[1]]
 
-    def right(t, y):
-        return 0.5 - y[0]
-
-    def left(t, y):
-        return 0.5 + y[0]
-
-    for event in (right, left):
-        event.terminal, event.direction = True, -1
     corners = [k * drive.period + c for k in range(3) for c in (ramp, half, half + ramp)]
     corners = [*corners, *(k * drive.period for k in (1, 2, 3))]
-    t, y, hits = 0.0, [0.0, 0.6], []
-    for corner in sorted(corners):
-        while t < corner:
-            arc = solve_ivp(
-                rates,
-                (t, corner),
-                y,
-                method="DOP853",
-                rtol=1e-11,
-                atol=1e-13,
-                max_step=0.1,
-                events=(right, left),
-            )
-            t, y = arc.t[-1], arc.y[:, -1]
-            if arc.status == 1:
-                hits.append(t)
-                y = [math.copysign(0.5, y[0]), -0.8 * y[1]]
+    hits, y = impacts(rates, [0.0, 0.6], sorted(corners), max_step=0.1)
     assert len(hits) >= 3
     np.testing.assert_allclose(run.impacts["t"], hits, rtol=0, atol=1e-8)
     assert run.final.x2 == pytest.approx(y[0], abs=1e-8)
