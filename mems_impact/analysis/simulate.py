@@ -23,7 +23,7 @@ from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
-from mems_impact.systems.observables import EventLog
+from mems_impact.systems.observables import EventRecorder
 from mems_impact.systems.state import State, is_number
 from mems_impact.systems.statistics import LazyStatistics
 from mems_impact.systems.typical_scales import SizeMonitor
@@ -187,13 +187,13 @@ def simulate(
     half = until is None  # the end of the run is unknown, so all of it counts
     first, last = _window(window, begin.cycle + begin.time / problem.period, periods, unit, half)
     gather = partial(system.gatherer, problem, begin, TimeWindow(first, last, problem.period))
-    gatherer, log = gather(), EventLog()
+    gatherer, recorder = gather(), EventRecorder()
     timed = system.forced or problem.time_scale is not None
     chosen = (
         None if system.is_scaled else SizeMonitor(options, begin, timed=timed),
         mode_monitor(system, problem, [begin]),
         system.validity(problem, begin),
-        log if keep == "events" else gatherer,
+        recorder if keep == "events" else gatherer,
     )
     observers = [each for each in chosen if each is not None]
 
@@ -204,9 +204,9 @@ def simulate(
     def finished(trajectory: Trajectory) -> Run:
         for observer in observers:
             observer.warn(trajectory)
-        if log.chunks:
-            trajectory = trajectory.with_events(Events.joined(log.chunks))
-        lengths = [len(events) for events in log.chunks]
+        if recorder.chunks:
+            trajectory = trajectory.with_events(Events.joined(recorder.chunks))
+        lengths = [len(events) for events in recorder.chunks]
         return (system.run_type or Run)(
             system=system,
             options=problem.options,

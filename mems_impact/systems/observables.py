@@ -12,8 +12,8 @@ from mems_impact.hybrid.simulation import Events, Trajectory
 
 __all__ = [
     "MULTIPLIER",
-    "EventLog",
     "EventObserver",
+    "EventRecorder",
     "Observable",
     "Quantity",
 ]
@@ -154,7 +154,7 @@ class EventObserver:
         """Raise FunctionError if a function is wrong along the run, which is complete."""
 
 
-class EventLog(EventObserver):
+class EventRecorder(EventObserver):
     """The events of a run, as chunks."""
 
     def __init__(self) -> None:
