@@ -50,5 +50,5 @@ beyond = point.changed(level=1.0 + 1e-6)
 assert mi.simulate(beyond, duration=18.0, options=fine).events.empty
 
 # %%
-# Without ``rate=`` the engine computes the rate by differences along the flow; a given rate is checked.
+# The rate is an exact derivative (:doc:`/methods/derivatives`).
 # :doc:`/comparison` lists published cases in which other solvers lost such events.

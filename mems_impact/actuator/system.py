@@ -60,13 +60,13 @@ from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import GENERATED, RATE_STEP, Typical, function, named_tuple
-from mems_impact.hybrid.differences import weight_of
 from mems_impact.hybrid.event_loop.workspace import ENDS
 from mems_impact.hybrid.pickling import reference
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.time_dependence import reads_time
+from mems_impact.integrators.dual_numbers import along, with_rate, with_rates
 from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments
 from mems_impact.systems.base import Conversion, HybridSystem
@@ -1062,7 +1062,7 @@ class EndedSystem(ActuatorSystem):
     def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
         """Return the numbers of the actuator, followed by scratch space and the time base."""
         found = super().numbers(changes)
-        scratch = np.zeros(2 * len(self.states) + 1)
+        scratch = np.zeros(3 * len(self.states) + 1)
         return found._replace(parameters=np.concatenate([found.parameters, scratch]))
 
 
@@ -1093,28 +1093,21 @@ def _ended(
     units : tuple of float
         Units of the states, of time and of the parameters, in scaled units.
     count : int
-        Number of parameters of the system; scratch space for two states and the time base follow.
+        Number of parameters of the system; scratch space for three states and the time base follow.
     step : float
-        Difference step of the rate.
+        Step of the rate, if it is a difference.
     """
     n, m = len(base.states), len(base.guards)
     margin = _in_units_of_the_user(until, base.states, units)
     flow, margins, transition = base.flow, base.margins, base.transition
-    clock = count + 2 * n
+    clock = count + 3 * n
 
     def more_margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
         margins(mode, t, y, p, g, r)
-        slope, moved = p[count : count + n], p[count + n : count + 2 * n]
+        slope = p[count + 2 * n : count + 3 * n]
         flow(mode, t, y, p, slope)
-        now = p[clock] + t
-        g[m] = margin(mode, now, y, p)
-        r[m] = 0.0
-        for point in range(1, 4):
-            for sign in (-1.0, 1.0):
-                for i in range(n):
-                    moved[i] = y[i] + sign * point * step * slope[i]
-                there = margin(mode, now + sign * point * step, moved, p)
-                r[m] += sign * weight_of(point) * there / step
+        moving = with_rates(y, slope, p[count : count + 2 * n])
+        g[m], r[m] = along(margin, step, mode, with_rate(p[clock] + t, 1.0), moving, p)
 
     def with_end(mode, code, t, y, p):  # type: ignore[no-untyped-def]
         if code == m or code == 2 * m + 1:

@@ -296,7 +296,7 @@ RATED = Tuple((REAL, REAL), ("value", "rate"))
 
 
 def _with_rate(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
-    return Expression(RATED, "", tuple(map(writer.runtime, arguments)))
+    return Expression(RATED, "", tuple(map(writer.runtime, arguments[:2])))
 
 
 def _with_rates(_writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:

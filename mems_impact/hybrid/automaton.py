@@ -48,9 +48,6 @@ class Guard:
         transition only records: mode and state are unchanged.
     modes : tuple of int, optional
         Modes in which the guard is active; all by default.
-    rate : callable, optional
-        ``rate(mode, t, y, p)`` returns the time derivative of the margin along the flow. By default
-        the rate is an exact derivative (see `mems_impact.hybrid.definition`).
     order : int, optional
         Simultaneous guards are handled in ascending order; by default impacts come first, then the
         other guards in the order of the list.
@@ -94,7 +91,6 @@ class Guard:
     transition: Callable[..., Any] | None = None
     _: KW_ONLY
     modes: tuple[int, ...] | None = None
-    rate: Callable[..., Any] | None = None
     order: int | None = None
     condition: bool = False
     impact: bool = False
@@ -112,7 +108,7 @@ class Impact(Guard):
 
     Parameters
     ----------
-    name, margin, transition, modes, rate, order : optional
+    name, margin, transition, modes, order : optional
         As in `Guard`; `margin` is the gap, and `transition` the rebound.
     rest : callable, optional
         ``rest(mode, t, y, p)`` returns mode and state of the sticking contact at the end of a

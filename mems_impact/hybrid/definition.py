@@ -159,8 +159,8 @@ def forcing(definition: Definition) -> Iterator[Callable[..., Any]]:
     """Yield the functions that have the period of the forcing, if a system has one."""
     yield definition.flow
     for guard in definition.guards:
-        if moves(guard):
-            yield from (each for each in (guard.margin, guard.rate) if each is not None)
+        if guard.margin is not None and moves(guard):
+            yield guard.margin
     yield from (constraint for _, constraint in definition.constraints)
     if definition.projection is not None:
         yield definition.projection
@@ -460,10 +460,10 @@ class _ScalingWriter:
         definition, margins = self.definition, dict(self.typical.margins)
         guards = []
         for i, guard in enumerate(definition.guards):
+            assert guard.margin is not None
             size = margins.get(guard.name, 1.0)
             functions: dict[str, Any] = {
-                "margin": self.number(f"margin_{i}", guard.margin, 1.0 / size),
-                "rate": self.number(f"rate_{i}", guard.rate, self.typical.time / size),
+                "margin": self.value(f"margin_{i}", guard.margin, 1.0 / size),
                 "transition": self.change(f"transition_{i}", guard.transition),
                 "rest": self.change(f"rest_{i}", guard.rest),
             }
@@ -516,12 +516,6 @@ class _ScalingWriter:
         rates = ", ".join(f"d[{i}] * {time / size!r}" for i, size in enumerate(self.typical.states))
         lines = [f"d = {self.call('flow', self.definition.flow)}", f"return ({rates},)"]
         return self.make("flow", "mode, t, y, p", lines)
-
-    def number(
-        self, name: str, user_function: Callable[..., Any] | None, unit: float
-    ) -> Callable[..., Any] | None:
-        """Return a scaled margin or rate, or None."""
-        return None if user_function is None else self.value(name, user_function, unit)
 
     def value(
         self, name: str, user_function: Callable[..., Any], unit: float

@@ -150,7 +150,9 @@ def _generated_uses(function: FunctionType, position: int) -> Iterator[tuple[Any
 
     for node in ast.walk(_definitions(space["SOURCE"])[code.co_name]):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            for place, argument in enumerate(node.args):
+            if node.func.id == "along":  # which passes the time, with its rate, to a function
+                yield space.get(ast.unparse(node.args[0])), TIME_POSITION
+            for place, argument in enumerate(node.args if node.func.id != "with_rate" else ()):
                 if not isinstance(argument, ast.Call) and mentions(argument):
                     yield space.get(node.func.id), place
 

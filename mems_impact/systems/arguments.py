@@ -128,7 +128,7 @@ def guards(values: Sequence[Guard], changing: Sequence[str]) -> tuple[Guard, ...
             raise InvalidParameter("guards", guard, "each a Guard or an Impact")
         if not (isinstance(guard.name, str) and guard.name):
             raise InvalidParameter("name of a guard", guard.name, "a text")
-        for kind in ("margin", "rate", "transition", "rest"):
+        for kind in ("margin", "transition", "rest"):
             value = getattr(guard, kind)
             if kind == "margin" or value is not None:
                 arguments = changing if kind in ("transition", "rest") else ARGUMENTS

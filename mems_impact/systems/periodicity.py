@@ -87,10 +87,9 @@ def time_functions(checked: CheckedFunctions, *, motion: bool) -> Iterator[TimeF
         found.append(TimeFunction(function, change(kind, None)))
     for i, guard in enumerate(definition.guards):
         if moves(guard) == motion:
-            for kind, evaluate in (("margin", checked.margin), ("rate", checked.rate)):
-                if getattr(guard, kind) is not None:
-                    function = UserFunction(kind, getattr(guard, kind), guard.name)
-                    found.append(TimeFunction(function, scalar(evaluate, i), guard.modes))
+            assert guard.margin is not None
+            function = UserFunction("margin", guard.margin, guard.name)
+            found.append(TimeFunction(function, scalar(checked.margin, i), guard.modes))
         for kind in ("transition", "rest") if not motion else ():
             if getattr(guard, kind) is not None:
                 function = UserFunction(kind, getattr(guard, kind), guard.name)

@@ -311,7 +311,7 @@ class System(HybridSystem):
         functions |= {"period": self._period, "switches": self._switches}
         functions |= {"time_scale": self._time_scale}
         for guard in definition.guards:
-            for role in ("margin", "transition", "rate", "rest"):
+            for role in ("margin", "transition", "rest"):
                 functions[f"{role} of {guard.name}"] = getattr(guard, role)
         for i, (mode, constraint) in enumerate(definition.constraints):
             functions[f"constraint {i} of {definition.modes[mode]}"] = constraint

@@ -15,7 +15,6 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from dis import get_instructions
@@ -29,7 +28,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import DiscontinuityWarning, FunctionError, InvalidParameter, StartWarning
 from mems_impact.hybrid.automaton import Guard
-from mems_impact.hybrid.definition import Definition, named_tuple
+from mems_impact.hybrid.definition import RATE_STEP, Definition, named_tuple
 from mems_impact.hybrid.diagnostics.failures import AT_TIMES, depends_on_time_only
 from mems_impact.hybrid.diagnostics.user_functions import (
     CheckedFunctions,
@@ -56,6 +55,7 @@ from mems_impact.hybrid.event_loop.workspace import (
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD, Problem
 from mems_impact.hybrid.simulation import NO_CHECKPOINTS, Events, Simulation
 from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.dual_numbers import along, with_rate
 from mems_impact.integrators.options import Options
 from mems_impact.integrators.python_functions import MARGINS
 from mems_impact.systems.base import HybridSystem
@@ -156,7 +156,7 @@ def _functions(definition: Definition) -> Iterator[UserFunction]:
         if getattr(definition, kind) is not None:
             yield UserFunction(kind, getattr(definition, kind))
     for guard in definition.guards:
-        for kind in ("margin", "rate", "transition", "rest"):
+        for kind in ("margin", "transition", "rest"):
             if getattr(guard, kind) is not None:
                 yield UserFunction(kind, getattr(guard, kind), guard.name)
 
@@ -320,106 +320,34 @@ def _size(one: Sequence[float], other: Sequence[float]) -> float:
     return max(abs(b - a) for a, b in zip(one, other, strict=True))
 
 
-# --- Consistency of given derivatives
+# --- Constraints
 
-RATE_STEP_RATIO = 2.5e-4  # step of differences, relative to the time scale
 CONSTRAINT_RTOL = 1e-5  # of the typical change of a constraint: below it is zero
-DERIVATIVE_RTOL = 1e-6  # relative error of a derivative that is tolerated
-CENTRAL = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of order 8
-FORWARD = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -1.0 / 4.0)  # of order 4
-
-
-def step_along_flow(at: EvaluationPoint, slope: Sequence[float], h: float) -> EvaluationPoint:
-    """Return the point at time `h` ahead on the tangent of the flow."""
-    return EvaluationPoint(at.mode, at.t + h, [y + h * d for y, d in zip(at.y, slope, strict=True)])
-
-
-def derivative(values: Sequence[float], h: float) -> tuple[float, float]:
-    """Return the derivative at the middle of nine values with spacing `h`, and an error bound.
-
-    The bound is the difference of formulas with two spacings and of one-sided formulas, which is
-    large at a corner.
-    """
-    middle = len(values) // 2
-
-    def value(k: int) -> float:
-        return values[middle + k]
-
-    fine = math.fsum(w * (value(k) - value(-k)) for k, w in enumerate(CENTRAL, 1)) / h
-    coarse = (8.0 * (value(2) - value(-2)) - (value(4) - value(-4))) / (24.0 * h)
-    right = math.fsum(w * value(k) for k, w in enumerate(FORWARD)) / h
-    left = -math.fsum(w * value(-k) for k, w in enumerate(FORWARD)) / h
-    rounding = 64.0 * sys.float_info.epsilon * max(map(abs, values)) / h
-    return fine, 4.0 * (abs(fine - coarse) + abs(right - left)) + rounding
-
-
-def rate_of(
-    checked: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
-) -> tuple[float, float]:
-    """Return the rate of a margin by differences along the flow, and an error bound."""
-    h = RATE_STEP_RATIO * unit
-    return derivative(
-        [checked.margin(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h
-    )
-
-
-def check_rate(
-    checked: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
-) -> None:
-    """Raise FunctionError unless the given rate of margin `i` is its derivative along the flow."""
-    guard = checked.definition.guards[i]
-    supplied = checked.rate(i, at)
-    computed, error = rate_of(checked, i, at, slope, unit)
-    error += DERIVATIVE_RTOL * (abs(computed) + abs(supplied))
-    if not abs(supplied - computed) > error:
-        return
-    if not abs(supplied - computed) > error + rounding_of(checked, i, at, slope, unit):
-        return
-    assert guard.rate is not None
-    location = checked.location(at)
-    problem = f"is {supplied:.6g} where the margin changes at {computed:.6g} ({location[3:]})"
-    remedy = "return the derivative of the margin along the flow, or omit rate"
-    raise UserFunction("rate", guard.rate, guard.name).error(problem, remedy)
 
 
 def check_constraint(
     checked: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
 ) -> None:
     """Raise FunctionError unless a constraint is and remains zero in its mode."""
-    value, h, size = checked.constraint(i, at), RATE_STEP_RATIO * unit, 0.0
-    for j, y in enumerate(at.y):
-        part = RATE_STEP_RATIO * max(abs(y), abs(slope[j]) * unit, 1e-3)
-        beside = EvaluationPoint(at.mode, at.t, [*at.y[:j], y + part, *at.y[j + 1 :]])
-        by_state = abs(checked.constraint(i, beside) - value) / part
-        size = max(size, by_state * max(abs(y), abs(slope[j]) * unit, 1e-3))
-    rate, error = derivative(
-        [checked.constraint(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h
-    )
-    function = UserFunction("constraint", checked.definition.constraints[i][1])
+    value, call = checked.constraint(i, at), checked.definition.constraints[i][1]
+
+    def derivative(slopes: Sequence[float], time: float) -> float:
+        y = checked.state(list(map(with_rate, at.y, slopes)))
+        step = RATE_STEP * unit
+        return float(along(call, step, at.mode, with_rate(at.t, time), y, checked.p)[1])
+
+    rate, size = derivative(slope, 1.0), 0.0
+    for y, d, direction in zip(at.y, slope, np.eye(len(slope)).tolist(), strict=True):
+        size = max(size, abs(derivative(direction, 0.0)) * max(abs(y), abs(d) * unit, 1e-3))
+    function = UserFunction("constraint", call)
     if abs(value) > CONSTRAINT_RTOL * size:
         problem = f"is {value:.6g} {checked.location(at)}, must be zero in this mode"
         raise function.error(
             problem, "make it zero in transitions into the mode and in the initial state"
         )
-    if abs(rate) * unit > CONSTRAINT_RTOL * size + error * unit:
+    if abs(rate) * unit > CONSTRAINT_RTOL * size:
         problem = f"changes at the rate {rate:.6g} {checked.location(at)}, must remain zero"
         raise function.error(problem, "make the flow of the mode keep it zero")
-
-
-def rounding_of(
-    checked: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
-) -> float:
-    """Return the error of differences of margin `i` by rounding of the state.
-
-    A small gap between bodies far from the origin is a difference of large numbers.
-    """
-    value_here, rounding = checked.margin(i, at), 0.0
-    for j, value in enumerate(at.y):
-        h = RATE_STEP_RATIO * max(abs(value), abs(slope[j]) * unit, 1e-3)
-        y = [*at.y[:j], value + h, *at.y[j + 1 :]]
-        by_state = (checked.margin(i, EvaluationPoint(at.mode, at.t, y)) - value_here) / h
-        rounding += abs(by_state * value)
-    return 64.0 * sys.float_info.epsilon * rounding / (RATE_STEP_RATIO * unit)
 
 
 # --- Dependence of functions on time
@@ -429,6 +357,7 @@ PROBE_TIMES = (
     0.3820,
     0.6180,
 )  # of the time scale: times that are not common fractions of a period
+FLOW_RTOL = 1e-6  # of the largest component: a difference of flows that is tolerated
 TIME_TOLERANCE_RATIO = 1e-9  # of the time scale
 
 
@@ -491,7 +420,7 @@ def check_times(
 
 def flows_differ(one: Sequence[float], other: Sequence[float], size: float) -> bool:
     """Return whether two slopes differ by more than rounding and a tiny shift in time explain."""
-    return any(abs(a - b) > DERIVATIVE_RTOL * size for a, b in zip(one, other, strict=True))
+    return any(abs(a - b) > FLOW_RTOL * size for a, b in zip(one, other, strict=True))
 
 
 # --- Checks at points of runs
@@ -509,12 +438,9 @@ def checked_modes(definition: Definition, period: float | Callable[..., float] |
 def compare(
     checked: CheckedFunctions, clock: TimeGrid, at: EvaluationPoint, slope: Sequence[float]
 ) -> None:
-    """Check the dependence of the flow on time, rates and constraints at a point."""
+    """Check the dependence of the flow on time, and constraints, at a point."""
     if not clock.switches:
         check_times(checked, at, slope, clock.period, clock.unit)
-    for i, guard in enumerate(checked.definition.guards):
-        if guard.rate is not None and (guard.modes is None or at.mode in guard.modes):
-            check_rate(checked, i, at, slope, clock.unit)
     for i, (mode, _) in enumerate(checked.definition.constraints):
         if mode == at.mode:
             check_constraint(checked, i, at, slope, clock.unit)

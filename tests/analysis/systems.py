@@ -18,10 +18,6 @@ def _gap(mode, t, y, p):
     return p.wall - y.x
 
 
-def _closing(mode, t, y, p):
-    return -y.v
-
-
 def _rebound(mode, t, y, p):
     return FREE, (p.wall, -p.e * y.v)
 
@@ -32,10 +28,6 @@ def _rest(mode, t, y, p):
 
 def _pressed(mode, t, y, p):
     return p.A * math.cos(p.omega * t) - p.wall
-
-
-def _slackening(mode, t, y, p):
-    return -p.A * p.omega * math.sin(p.omega * t)
 
 
 def _release(mode, t, y, p):
@@ -50,19 +42,16 @@ def energy(y, p):
     return 0.5 * (y.v * y.v + y.x * y.x)
 
 
-def oscillator(*, rates: bool = False, section=None, units=None, **parameters: float) -> mi.System:
+def oscillator(*, section=None, units=None, **parameters: float) -> mi.System:
     """A driven oscillator with a stop, on which it may rest."""
-    closing, slackening = (_closing, _slackening) if rates else (None, None)
     return mi.System(
         states=("x", "v"),
         flow=_flow,
         period=lambda p: 2.0 * math.pi / p.omega,
         parameters={"A": 0.6, "omega": 0.8, "zeta": 0.05, "wall": 1.0, "e": 0.8, **parameters},
         guards=[
-            mi.Impact(
-                "wall", _gap, _rebound, rest=_rest, modes=(FREE,), rate=closing
-            ),
-            mi.Guard("release", _pressed, _release, modes=(HELD,), rate=slackening),
+            mi.Impact("wall", _gap, _rebound, rest=_rest, modes=(FREE,)),
+            mi.Guard("release", _pressed, _release, modes=(HELD,)),
         ],
         observables=[
             mi.Observable("speed", impact_speed, at=("wall",), reduce="max"),

@@ -404,8 +404,7 @@ def test_an_equilibrium_that_stays_on_a_boundary_does_not_cross_it():
     """Its margin is zero up to rounding, of either sign."""
     system = mi.System(
         states=("x",), flow=pulled, parameters={"a": 0.1}, time_scale=1.0,
-        parts=[mi.SwitchingSurface(
-            "side", lambda t, y, p: y.x - p.a / 3.0, rate=lambda t, y, d, p: d.x)],
+        parts=[mi.SwitchingSurface("side", lambda t, y, p: y.x - p.a / 3.0)],
     )  # fmt: skip
     rest = mi.find_equilibria(system)[0]
     branch = mi.continue_solution(rest, "a", stop=2.0)

@@ -271,8 +271,7 @@ def test_a_fall_at_a_switching_time(options):
 
     count = mi.System(
         states=("n",), flow=lambda mode, t, y, p: (0.0,), period=2.0, switches=(1.6, 2.0),
-        guards=[mi.Guard("falls", margin, lambda mode, t, y, p: (mode, (y.n + 1.0,)),
-                         rate=lambda mode, t, y, p: 0.0)],
+        guards=[mi.Guard("falls", margin, lambda mode, t, y, p: (mode, (y.n + 1.0,)))],
     )  # fmt: skip
     run = mi.simulate(count, periods=3, options=options)
     falls = run.events.query("event == 'falls'")

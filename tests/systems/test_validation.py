@@ -252,9 +252,6 @@ FUNCTIONS = [
     (floor(margin=lambda mode, t, y, p: y.height), r"reads y\.height"),
     (floor(margin=lambda mode, t, y, p: math.log(-y.x)), "margin of 'floor'.* raises ValueError"),
     (floor(margin=lambda mode, t, y, p: y.x * random.random()), "two results"),
-    (floor(rate=lambda mode, t, y, p: -y.v), r"rate of 'floor'.* is .* where the margin"),
-    (floor(rate=lambda mode, t, y, p: 1.001 * y.v), "where the margin changes at .* or omit rate"),
-    (floor(rate=lambda mode, t, y, p: None), "rate of 'floor'.* returns nothing"),
     (after(5, 0.0, upwards), r"returns mode 5; .* 0 \(free\), 1 \(held\), or give all .* modes="),
     (after(-1, 0.0, upwards), "returns mode -1"),
     (after(0.5, 0.0, upwards), r"returns mode 0\.5"),
@@ -313,7 +310,6 @@ ARGUMENTS = [
     (floor(margin=max), "margin of 'floor' = .* must be a function"),
     (floor(transition=lambda mode, t, y, p, new: mode), "transition of 'floor'.* takes 5"),
     (floor(rest=lambda y: y), "rest of 'floor'.* takes 1"),
-    (floor(rate=3.0), "rate of 'floor' = 3: must be a function"),
     ({"switch_transition": lambda y: y}, "switch_transition = .* takes 1"),
     ({"guards": mi.Guard("g", GAP)}, "guards = .*: must be a list of Guard and Impact"),
     ({"guards": [mi.Guard("", GAP)]}, "name of a guard = '': must be a text"),
@@ -398,25 +394,22 @@ def test_the_states_that_a_tuple_is_for_are_named_unless_they_are_many(count):
 EARLY, LATE = mi.modes("early", "late")
 
 
-def wrong_late(mode, t, y, p):
-    return -y.v if mode == EARLY else y.v
-
-
-def right_rate(mode, t, y, p):
-    return -y.v
+def off_the_circle(mode, t, y, p):
+    return y.x
 
 
 def swinging(mode, t, y, p):
     return y.v, -y.x, 1.0
 
 
-def late_swing(rate, flow=swinging, length=50.0, **more):
-    """An oscillator with a clock, which is in another mode from s = 50 on; a stop out of reach."""
+def late_swing(constraint, flow=swinging, length=50.0, **more):
+    """An oscillator with a clock, which is in another mode from s = 50 on."""
     return mi.System(
         states=("x", "v", "s"),
         modes=("early", "late"),
         flow=flow,
-        parameters={"length": length, "far": 2.0},
+        parameters={"length": length},
+        constraints={LATE: constraint} if constraint else None,
         guards=[
             mi.Guard(
                 "begins",
@@ -424,7 +417,6 @@ def late_swing(rate, flow=swinging, length=50.0, **more):
                 lambda mode, t, y, p: (LATE, (y.x, y.v, y.s)),
                 modes=(EARLY,),
             ),
-            mi.Guard("stop", lambda mode, t, y, p: p.far - y.x, rate=rate),
         ],
         initial={"x": 1.0},
         **more,
@@ -434,38 +426,38 @@ def late_swing(rate, flow=swinging, length=50.0, **more):
 INTERPRETED = mi.Options(engine="interpreted", method="dop853")
 
 
-def test_a_rate_that_is_wrong_where_a_run_comes_at_last():
-    system = late_swing(wrong_late)
+def test_a_constraint_that_is_wrong_where_a_run_comes_at_last():
+    system = late_swing(off_the_circle)
     mi.simulate(system, duration=40.0, options=INTERPRETED)
     for _ in range(2):  # it is told until it is mended
-        with pytest.raises(mi.FunctionError, match=r"rate of 'stop'.* mode late") as caught:
+        with pytest.raises(mi.FunctionError, match="constraint 'off_the_circle'") as caught:
             mi.simulate(system, duration=60.0, options=INTERPRETED)
         assert isinstance(caught.value.partial, mi.Run)
         assert caught.value.partial.final.s == pytest.approx(60.0, rel=1e-12)
-        # There x = cos 50, v = -sin 50, and the margin 2 - x changes at -v.
-        given, found = (f"{sign * math.sin(50.0):.6g}" for sign in (-1.0, 1.0))
-        assert f"is {given} where the margin changes at {found}" in str(caught.value)
+        assert f"is {math.cos(50.0):.6g} at" in str(caught.value)
         assert "s = 50, t = 50" in str(caught.value)
 
 
 def test_a_run_that_begins_where_the_short_one_did_not():
-    start = mi.State(x=0.0, v=1.0, s=0.0, mode="late")
-    with pytest.raises(mi.FunctionError, match=r"is 1 where the margin changes at -1"):
-        mi.simulate(late_swing(wrong_late), duration=1.0, initial=start, options=INTERPRETED)
+    start = mi.State(x=0.6, v=0.8, s=0.0, mode="late")
+    with pytest.raises(mi.FunctionError, match=r"changes at the rate 0\.8 at x = 0"):
+        mi.simulate(late_swing(off_the_circle), duration=1.0, initial=start, options=INTERPRETED)
 
 
-def test_what_is_kept_of_a_run_does_not_matter_to_its_rates():
+def test_what_is_kept_of_a_run_does_not_matter_to_its_constraints():
     with pytest.raises(mi.FunctionError, match="mode late"):
-        mi.simulate(late_swing(wrong_late), duration=60.0, keep="statistics", options=INTERPRETED)
+        mi.simulate(
+            late_swing(off_the_circle), duration=60.0, keep="statistics", options=INTERPRETED
+        )
 
 
-def test_a_sweep_continues_past_rates_that_are_wrong_for_some_of_its_values():
-    system = late_swing(wrong_late, period=2.0 * math.pi)
+def test_a_sweep_continues_past_constraints_that_are_wrong_for_some_of_its_values():
+    system = late_swing(off_the_circle, period=2.0 * math.pi)
     table = mi.sweep(
         system, "length", [50.0, 90.0], transient=1, periods=9, options=INTERPRETED, workers=1
     ).table
     status = table.groupby("length")["status"].first()
-    assert "rate of 'stop'" in status[50.0]
+    assert "off_the_circle" in status[50.0]
     assert status[90.0] == "ok"
 
 
@@ -473,41 +465,10 @@ def test_a_time_that_enters_where_a_run_comes_at_last():
     def driven_late(mode, t, y, p):
         return y.v, -y.x + (0.1 * math.cos(t) if mode == LATE else 0.0), 1.0
 
-    swing = late_swing(right_rate, driven_late)
+    swing = late_swing(None, driven_late)
     mi.simulate(swing, duration=60.0, options=INTERPRETED)
     with pytest.raises(mi.FunctionError, match="depends on time, and the system has no period"):
         mi.find_orbit(swing, options=INTERPRETED)
-
-
-def test_rounding_far_from_the_origin_is_no_wrong_rate():
-    """A gap of order one between two bodies at 1e9, whose rate by differences is good to 1e-3."""
-
-    def apart(mode, t, y, p):
-        return y.b - y.a
-
-    def rate(mode, t, y, p):
-        return y.w - y.v
-
-    def free(mode, t, y, p):
-        return y.v, y.w, 0.0, 0.0, 1.0
-
-    far = mi.System(
-        states=("a", "b", "v", "w", "s"),
-        modes=("early", "late"),
-        flow=free,
-        guards=[
-            mi.Guard(
-                "begins",
-                lambda mode, t, y, p: 50.0 - y.s,
-                lambda mode, t, y, p: (LATE, tuple(y)),
-                modes=(EARLY,),
-            ),
-            mi.Guard("gap", apart, rate=rate),
-        ],
-        initial={"a": 1e9, "b": 1e9 + 3.0, "v": 0.1, "w": 0.1 + 1e-7},
-    )
-    run = mi.simulate(far, duration=60.0, options=INTERPRETED)
-    assert run.final.mode == "late"
 
 
 BAD_NAMES = [

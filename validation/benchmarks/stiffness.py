@@ -52,7 +52,7 @@ CIRCUIT = mi.System(
     flow=charged,
     period=lambda p: 2.0 * math.pi / p.omega,
     parameters={"A": 0.4, "omega": 0.5, "c": 0.05, "d": 0.3, "e": 0.7, "RC": 1e-2},
-    guards=[mi.Impact("electrode", electrode, rebound, rate=lambda mode, t, y, p: -y.v)],
+    guards=[mi.Impact("electrode", electrode, rebound)],
     initial={"x": 0.0, "v": 0.0, "q": 0.4},
 )
 
@@ -78,10 +78,8 @@ STOPPER = mi.System(
     parameters={"A": 0.6, "omega": 0.8, "c": 0.1, "d": 1.0, "K": 1e2, "loss": 0.3},
     modes=("free", "touching"),
     guards=[
-        mi.Guard("touches", room, lambda mode, t, y, p: (TOUCHING, (y.x, y.v)), modes=(FREE,),
-                 rate=lambda mode, t, y, p: -y.v),
-        mi.Guard("leaves", depth, lambda mode, t, y, p: (FREE, (y.x, y.v)), modes=(TOUCHING,),
-                 rate=lambda mode, t, y, p: y.v),
+        mi.Guard("touches", room, lambda mode, t, y, p: (TOUCHING, (y.x, y.v)), modes=(FREE,)),
+        mi.Guard("leaves", depth, lambda mode, t, y, p: (FREE, (y.x, y.v)), modes=(TOUCHING,)),
     ],
     initial={"x": 0.0, "v": 1.2},
 )  # fmt: skip

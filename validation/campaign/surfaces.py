@@ -51,9 +51,7 @@ def system(k: int, curved: bool, stops: bool) -> mi.System:
     lines.append(f"    return ({flow}, y.v, y.x0 + mode.s0 - y.u - 0.2 * y.v)")
     for i in range(k):
         height = " + ".join(f"p.h{i}{j} * y.x{j} + p.q{i} * y.x{j} ** 2" for j in range(n))
-        rate = " + ".join(f"(p.h{i}{j} + 2.0 * p.q{i} * y.x{j}) * d.x{j}" for j in range(n))
         lines += [f"def h{i}(t, y, p):", f"    return {height} - p.q{i}"]
-        lines += [f"def r{i}(t, y, d, p):", f"    return {rate}"]
     space: dict[str, Any] = {"math": __import__("math")}
     exec(compile("\n".join(lines), "<surfaces>", "exec"), space)
     names = [f"a{i}{j}" for i in range(n) for j in range(n)] + [f"c{i}" for i in range(n)]
@@ -61,7 +59,7 @@ def system(k: int, curved: bool, stops: bool) -> mi.System:
     names += [f"h{i}{j}" for i in range(k) for j in range(n)]
     names += [f"q{i}" for i in range(k)]
     parts: list[mi.Part] = [
-        mi.SwitchingSurface(f"s{i}", space[f"h{i}"], rate=space[f"r{i}"])
+        mi.SwitchingSurface(f"s{i}", space[f"h{i}"])
         if curved
         else mi.SwitchingSurface(f"s{i}", {f"x{j}": f"h{i}{j}" for j in range(n)})
         for i in range(k)

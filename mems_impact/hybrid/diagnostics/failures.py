@@ -97,7 +97,7 @@ def _compiled_error(
     """Return the exception that a function of the failed role raises compiled, or None."""
     from mems_impact.integrators.jit.closures import compiled_exception
 
-    roles = {FLOW: ("flow",), MARGINS: ("margin", "rate", "flow")}
+    roles = {FLOW: ("flow",), MARGINS: ("margin", "flow")}
     guards, m = definition.guards, max(1, len(definition.guards))
     owner = guards[fault.code % m].name if fault.role == TRANSITION and fault.code < 2 * m else ""
     kinds = roles.get(fault.role, ("transition", "rest") if owner else ("switch_transition",))
@@ -132,8 +132,6 @@ def _margin(functions: CheckedFunctions, i: int, point: EvaluationPoint) -> Call
     def call() -> None:
         if guard.modes is None or point.mode in guard.modes:
             functions.margin(i, point)
-            if guard.rate is not None:
-                functions.rate(i, point)
 
     return call
 
@@ -283,9 +281,8 @@ def _named_cases(definition: Definition) -> Iterator[_Case]:
     arguments, size = ((*inputs, vector), None) if by_array else (inputs, n)
     yield _Case(UserFunction("flow", definition.flow), arguments, size)
     for guard in definition.guards:
-        for kind in ("margin", "rate"):
-            if getattr(guard, kind) is not None:
-                yield _Case(UserFunction(kind, getattr(guard, kind), guard.name), inputs, 1)
+        assert guard.margin is not None
+        yield _Case(UserFunction("margin", guard.margin, guard.name), inputs, 1)
         for kind in ("transition", "rest"):
             if getattr(guard, kind) is not None:
                 yield _Case(

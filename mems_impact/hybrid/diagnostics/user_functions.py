@@ -249,10 +249,6 @@ class CheckedFunctions:
         """Return the value of constraint `i`, zero if it holds."""
         return self._number(UserFunction("constraint", self.definition.constraints[i][1]), point)
 
-    def rate(self, i: int, point: EvaluationPoint) -> float:
-        """Return the user's rate of the margin of guard `i`."""
-        return self._scalar("rate", i, point)
-
     def transition(
         self, kind: str, i: int | None, point: EvaluationPoint
     ) -> tuple[int, list[float]]:

@@ -743,14 +743,16 @@ def _set(numbers, index, number):  # type: ignore[no-untyped-def]
 class _WithRate(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         kind = _common(args) or types.float64
-        return None if kws or len(args) != 2 else signature(dual(1, kind), kind, kind)
+        return None if kws else signature(dual(1, kind), *[kind] * len(args))
 
 
 @lower_builtin(with_rate, types.Float, types.Float)
 @lower_builtin(with_rate, DualType, DualType)
+@lower_builtin(with_rate, types.Float, types.Float, types.Float)
+@lower_builtin(with_rate, DualType, DualType, DualType)
 def _of_rate(context: Any, builder: Any, kinds: Any, numbers: Any) -> Any:
     result = kinds.return_type
-    value, rate = map(partial(_parts, context, builder), kinds.args, numbers)
+    value, rate, *_ = map(partial(_parts, context, builder), kinds.args, numbers)
     if not isinstance(rate, tuple):
         rate = _splat(builder, rate, ir.VectorType(DOUBLE, 1))
     return _packed(context, builder, result, (value, rate))

@@ -32,6 +32,7 @@ from mems_impact.hybrid.definition import (
 )
 from mems_impact.hybrid.event_loop.workspace import NO_FIT
 from mems_impact.hybrid.time_dependence import time_error
+from mems_impact.integrators.dual_numbers import along, with_rate
 from mems_impact.systems.components.base import (
     CodeNames,
     Contact,
@@ -93,6 +94,8 @@ class FlowWriter:
             "State": named_tuple("State", states),
             "Modes": named_tuple("Modes", tuple(part.name for part in parts)),
             "time_error": time_error,
+            "along": along,
+            "with_rate": with_rate,
         }
         masses, bases = bodies(masses, states)
         holding = [isinstance(part, Contact) and bool(part.holding_modes) for part in parts]
@@ -109,6 +112,8 @@ class FlowWriter:
             )
             for i, (part, holds) in enumerate(zip(parts, holding, strict=True))
         ]
+        scale = self.names[0].value("time_scale", time_scale)
+        self.names = [replace(names, time_scale=scale) for names in self.names]
         contacts = [
             (names, part, part.sides(names))
             for names, part in zip(self.names, parts, strict=True)
@@ -128,7 +133,6 @@ class FlowWriter:
             if isinstance(part, SwitchingSurface)
         ]
         size = len(states) + len(self.holding.force_index)
-        scale = self.names[0].value("time_scale", time_scale)
         self.sliding = Sliding(surfaces, self.strides, self.count, size, len(states), scale)
 
     def digits(self, mode: str = "mode", name: str = "m") -> list[str]:
@@ -367,12 +371,9 @@ class FlowWriter:
         return function("settled(mode, fired, own, jumped, t, y, p)", [*lines, "return mode"])
 
     def guard(self, i: int, names: CodeNames, spec: GuardSpec) -> str:
-        """Return the source of margin, rate and transitions of a guard, by its number."""
-        text = []
-        for name, value in (("margin", spec.margin), ("rate", spec.rate)):
-            if value is not None:
-                lines = [*self.head(names, value), f"return {value}"]
-                text.append(function(f"{name}_{i}(mode, t, y, p)", lines))
+        """Return the source of margin and transitions of a guard, by its number."""
+        lines = [*self.head(names, spec.margin), f"return {spec.margin}"]
+        text = [function(f"margin_{i}(mode, t, y, p)", lines)]
         for name, changes in (("transition", spec.changes), ("rest", spec.rest)):
             if changes is None:
                 continue
@@ -391,13 +392,13 @@ class FlowWriter:
     def users(self, i: int, guard: Guard) -> str:
         """Return the source of a guard of the user, which reads the modes of the parts by name."""
         text = []
-        for role in ("margin", "rate", "transition", "rest"):
+        for role in ("margin", "transition", "rest"):
             user_function = getattr(guard, role)
             if user_function is None:
                 continue
             call = self.names[0].call(user_function, f"{self.own_modes()}, t, y, p")
             lines = [*self.digits()]
-            if role in ("margin", "rate"):
+            if role == "margin":
                 lines.append(f"return {call}")
             else:
                 new = ", ".join(f"found[{j}]" for j in range(len(self.states)))
@@ -588,7 +589,6 @@ def assemble(
                     for mode in range(text.count)
                     if mode // stride % text.counts[number] in spec.modes
                 ),
-                rate=space.get(f"rate_{i}"),
                 rest=space.get(f"rest_{i}"),
                 condition=True,
             )
@@ -596,8 +596,7 @@ def assemble(
     assembled += text.sliding.guards()
     for i, guard in enumerate(guards):
         functions: dict[str, Any] = {
-            role: space.get(f"users_{role}_{i}")
-            for role in ("margin", "transition", "rate", "rest")
+            role: space.get(f"users_{role}_{i}") for role in ("margin", "transition", "rest")
         }
         assembled.append(replace(guard, **functions))
     combinations = itertools.product(*(part.modes for part in reversed(parts)))

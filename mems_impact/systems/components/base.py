@@ -49,8 +49,8 @@ class GuardSpec:
         Name of the event in tables.
     modes : tuple of int
         The modes of the part in which it is active.
-    margin, rate : str
-        Expressions, which can use ``x``; without a rate, finite differences are used.
+    margin : str
+        An expression, which can use ``x``.
     changes : mapping of int to str
         New values of components of the state after the event, from the old values.
     leads : str
@@ -65,7 +65,6 @@ class GuardSpec:
     name: str
     modes: tuple[int, ...]
     margin: str
-    rate: str | None = None
     changes: Mapping[int, str] = field(default_factory=dict)
     leads: str = ANY
     rest: Mapping[int, str] | None = None
@@ -168,6 +167,8 @@ class CodeNames:
         The functions that the source calls, by name.
     bases : mapping of int to tuple of int
         The velocities to which a velocity is relative: their sum is the velocity of the body.
+    time_scale : str
+        An expression.
     """
 
     part: Part
@@ -178,6 +179,7 @@ class CodeNames:
     contact: int | None
     space: dict[str, Any]
     bases: Mapping[int, tuple[int, ...]]
+    time_scale: str = "1.0"
 
     @property
     def mode(self) -> str:
@@ -252,11 +254,15 @@ class CodeNames:
         return repr(float(quantity))
 
     def call(self, function: Callable[..., Any], arguments: str) -> str:
-        """Return the call of a function of the user as an expression."""
+        """Return the call of a function as an expression."""
+        return f"{self.name_of(function)}({arguments})"
+
+    def name_of(self, function: Callable[..., Any]) -> str:
+        """Return the name of a function in the generated source."""
         existing = (name for name, value in self.space.items() if value is function)
         name = next(existing, f"given_{len(self.space)}")
         self.space[name] = function
-        return f"{name}({arguments})"
+        return name
 
     def mass(self, velocity: str) -> str:
         """Return the mass of a body as an expression; 1 if forces are per mass."""

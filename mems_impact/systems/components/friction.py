@@ -254,7 +254,6 @@ class Friction(Contact):
                 name=f"{self.name} slip end",
                 modes=(FORWARD, BACKWARD),
                 margin=f"{sign} * {sides.slip}",
-                rate=f"{sign} * {sides.relative('x[{}]')}",
                 rests=True,
             ),
             GuardSpec(

@@ -55,13 +55,12 @@ class Relay(Part):
     modes: ClassVar[tuple[str, ...]] = ("low", "high")
     signs: ClassVar[tuple[int, ...]] = (0, 1)
 
-    def terms(self, names: CodeNames) -> tuple[str, str, str, str | None]:
-        """Return the input, the thresholds, and the rate of the input if known."""
+    def terms(self, names: CodeNames) -> tuple[str, str, str]:
+        """Return the input and the thresholds."""
         lower, upper = names.value("lower", self.lower), names.value("upper", self.upper)
         if callable(self.input):
-            return names.call(self.input, "t, y, p"), lower, upper, None
-        index = names.index("input", self.input)
-        return f"y[{index}]", lower, upper, f"x[{index}]"
+            return names.call(self.input, "t, y, p"), lower, upper
+        return f"y[{names.index('input', self.input)}]", lower, upper
 
     def limits(self) -> list[Limit]:
         """Return the limit of the upper threshold."""
@@ -70,7 +69,7 @@ class Relay(Part):
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of low and high."""
-        signal, lower, upper, _ = self.terms(names)
+        signal, lower, upper = self.terms(names)
         return [
             f"{signal} <= {lower} or ({signal} < {upper} and {names.last} == {LOW})",
             f"{signal} >= {upper} or ({signal} > {lower} and {names.last} == {HIGH})",
@@ -78,20 +77,18 @@ class Relay(Part):
 
     def guards(self, names: CodeNames) -> list[GuardSpec]:
         """Return both changes."""
-        signal, lower, upper, rate = self.terms(names)
+        signal, lower, upper = self.terms(names)
         return [
             GuardSpec(
                 name=f"{self.name} rises",
                 modes=(LOW,),
                 margin=f"{upper} - {signal}",
-                rate=None if rate is None else f"-{rate}",
                 leads=str(HIGH),
             ),
             GuardSpec(
                 name=f"{self.name} falls",
                 modes=(HIGH,),
                 margin=f"{signal} - {lower}",
-                rate=rate,
                 leads=str(LOW),
             ),
         ]

@@ -286,7 +286,6 @@ class Stopper(Contact):
 
     def guards(self, names: CodeNames) -> list[GuardSpec]:
         """Return the guards of impact, or of the start of a contact, and of release."""
-        slip = self.sides(names).slip
         starts = []
         for stop in self.stops:
             position, at, _ = self.geometry(names, stop)
@@ -296,7 +295,6 @@ class Stopper(Contact):
                     name=f"{self.name} {stop.mode}" if len(self.stops) > 1 else self.name,
                     modes=(FREE,),
                     margin=self.gap(names, stop),
-                    rate=stop.inwards(slip),
                     changes=self.after(names, stop, self.coefficient(names))
                     if rigid
                     else {position: at},
@@ -318,7 +316,6 @@ class Stopper(Contact):
                 name=f"{self.name} lets go",
                 modes=contact,
                 margin=self.by_mode(names, [f"-{self.gap(names, stop)}" for stop in self.stops]),
-                rate=self.by_mode(names, [stop.outwards(slip) for stop in self.stops]),
                 changes={position: self.by_mode(names, ends)},
                 leads=str(FREE),
             )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, ClassVar
 
-from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import GENERATED
+from mems_impact.hybrid.definition import RATE_STEP
 from mems_impact.systems.components.base import CodeNames, Constraint, GuardSpec, Part, Quantity
 
 ABOVE, BELOW, SLIDING = 0, 1, 2
@@ -29,9 +31,6 @@ class SwitchingSurface(Part):
         "c", "v": 1.0}`` for c x + v; or ``h(t, y, p)``.
     level : float, str or callable, optional
         Value subtracted from h: a number (0 by default), a parameter or a function of ``p``.
-    rate : callable, optional
-        For a callable `h`: ``rate(t, y, d, p)``, its time derivative if the states have the
-        derivatives ``d.x``.
 
     See Also
     --------
@@ -66,15 +65,11 @@ class SwitchingSurface(Part):
 
     h: str | Mapping[str, float | str] | tuple[tuple[str, float | str], ...] | Callable[..., float]
     level: Quantity = field(default=0.0, kw_only=True)
-    rate: Callable[..., float] | None = field(default=None, kw_only=True)
 
     modes: ClassVar[tuple[str, ...]] = ("above", "below", "sliding")
     signs: ClassVar[tuple[int, ...]] = (1, -1, 0)
 
     def __post_init__(self) -> None:
-        if callable(self.h) == (self.rate is None):
-            allowed = "a function rate(t, y, d, p) if h is a function, otherwise None"
-            raise InvalidParameter(f"rate of {self.name!r}", self.rate, allowed)
         if isinstance(self.h, Mapping):
             object.__setattr__(self, "h", tuple(self.h.items()))  # hashable
 
@@ -87,8 +82,8 @@ class SwitchingSurface(Part):
 
     def along(self, names: CodeNames, slopes: str) -> str:
         """Return the derivative of h for derivatives ``slopes[j]``, as an expression."""
-        if self.rate is not None:
-            return self.rate_of(names, [f"{slopes}[{j}]" for j in range(len(names.states))])
+        if callable(self.h):
+            return self.derivative(names, [f"{slopes}[{j}]" for j in range(len(names.states))])
         terms = self.terms(names)
         return " + ".join(f"{factor} * {slopes}[{index}]" for index, factor in terms)
 
@@ -100,24 +95,24 @@ class SwitchingSurface(Part):
             for state, factor in terms
         ]
 
-    def rate_of(self, names: CodeNames, slopes: Sequence[str]) -> str:
-        """Return the rate of a callable h for these derivatives of the states."""
-        assert self.rate is not None
-        return names.call(self.rate, f"t, y, State({', '.join(slopes)}), p")
+    def derivative(self, names: CodeNames, slopes: Sequence[str], time: str = "1.0") -> str:
+        """Return the derivative of a callable h for these derivatives of states and time."""
+        state = ", ".join(f"with_rate(y[{j}], {slope})" for j, slope in enumerate(slopes))
+        step = f"{RATE_STEP!r} * ({names.time_scale})"
+        moving = f"with_rate(t, {time}, y[0]), State({state})"
+        return f"along({names.name_of(_with_mode(self.h))}, {step}, 0, {moving}, p)[1]"
 
     def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraint h = 0 of sliding."""
         height = self.height(names)
-        if self.rate is None:
+        if not callable(self.h):
             slopes: dict[int, str] = {}
             for index, factor in self.terms(names):
                 slopes[index] = f"{slopes[index]} + {factor}" if index in slopes else factor
             return [Constraint(mode=SLIDING, value=height, slopes=slopes)]
         n = len(names.states)
-        # The rate is affine in the derivatives of the states, as h may depend on time.
-        still = self.rate_of(names, ["0.0"] * n)
         units = (["1.0" if i == j else "0.0" for i in range(n)] for j in range(n))
-        slopes = {j: f"({self.rate_of(names, unit)} - {still})" for j, unit in enumerate(units)}
+        slopes = {j: self.derivative(names, unit, "0.0") for j, unit in enumerate(units)}
         return [Constraint(mode=SLIDING, value=height, slopes=slopes, linear=False)]
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
@@ -139,7 +134,6 @@ class SwitchingSurface(Part):
                 name=self.name,
                 modes=(ABOVE, BELOW),
                 margin=f"{sign} * {self.height(names)}",
-                rate=f"{sign} * ({self.along(names, 'x')})",
             ),
             *(
                 GuardSpec(
@@ -151,3 +145,12 @@ class SwitchingSurface(Part):
                 for way, side in (("up", ABOVE), ("down", BELOW))
             ),
         ]
+
+
+@cache
+def _with_mode(h: Callable[..., float]) -> Callable[..., float]:
+    """Return h as a function of mode, time, state and parameters."""
+    space: dict[str, Any] = {"h": h, "SOURCE": "def height(mode, t, y, p):\n    return h(t, y, p)"}
+    exec(compile(space["SOURCE"], GENERATED, "exec"), space)
+    height: Callable[..., float] = space["height"]
+    return height

@@ -280,8 +280,6 @@ def test_mistakes_of_one_part():
         mi.InvalidParameter, match=r"upper, lower of 's' = .*: must be one of the two, or both"
     ):
         mi.Stopper("s", "x", "v", restitution=1.0)
-    with pytest.raises(mi.InvalidParameter, match="rate of 's' = None: must be a function rate"):
-        mi.SwitchingSurface("s", lambda t, y, p: y.x)
 
 
 @pytest.mark.parametrize(

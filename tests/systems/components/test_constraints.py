@@ -81,12 +81,9 @@ def test_sliding_along_a_curved_surface_has_one_multiplier():
     def height(t, y, p):
         return y.x + 0.2 * y.x**2 + y.v + 0.1 * math.cos(t)
 
-    def rate(t, y, d, p):
-        return d.x * (1.0 + 0.4 * y.x) + d.v - 0.1 * math.sin(t)
-
     system = mi.System(
         states=("x", "v"), flow=flow, period=TURN, parameters={"level": 0.3}, initial={"x": 0.2},
-        parts=[mi.SwitchingSurface("line", height, level="level", rate=rate)],
+        parts=[mi.SwitchingSurface("line", height, level="level")],
     )  # fmt: skip
 
     def slides(t, u):

@@ -27,13 +27,9 @@ def height(t, y, p):
     return y.h
 
 
-def climbs(t, y, d, p):
-    return d.h
-
-
 @pytest.mark.parametrize(
     "line",
-    [mi.SwitchingSurface("line", "h"), mi.SwitchingSurface("line", height, rate=climbs),
+    [mi.SwitchingSurface("line", "h"), mi.SwitchingSurface("line", height),
      mi.SwitchingSurface("line", {"h": 2.0, "x": 0.0})],
     ids=["state", "function", "sum"],
 )  # fmt: skip
@@ -556,13 +552,9 @@ def unit_circle(t, y, p):
     return y.x * y.x + y.y * y.y - 1.0
 
 
-def along_circle(t, y, d, p):
-    return 2.0 * y.x * d.x + 2.0 * y.y * d.y
-
-
 @pytest.mark.slow
 def test_a_state_slides_on_a_circle_and_on_its_intersections():
-    wall = mi.SwitchingSurface("wall", unit_circle, rate=along_circle)
+    wall = mi.SwitchingSurface("wall", unit_circle)
 
     def flow(mode, t, y, p):  # the mean of the sign of the wall is 0.3 on it
         radial = 0.3 - mode.wall
