@@ -90,7 +90,19 @@ LOOP = Record(
         if name not in POINTERS
     ),
 )
-_WORDS = ("n", "states", "m", "width", "mode", "section", "direction", "begun", "rest", "has_dense")
+_WORDS = (
+    "n",
+    "states",
+    "perturbations",
+    "m",
+    "width",
+    "mode",
+    "section",
+    "direction",
+    "begun",
+    "rest",
+    "has_dense",
+)
 _COUNTS = ("at_border", "off_border", "stiff", "steps")
 _REALS = ("t", "last_instant", "level", "rtol", "atol", "max_step", "longest", "t_start", "t_end")
 ENGINE = Record(

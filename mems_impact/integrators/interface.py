@@ -205,6 +205,16 @@ class Equations:
     columns: int = 0
 
     @property
+    def states(self) -> int:
+        """The number of components without columns."""
+        return self.n - self.columns
+
+    @property
+    def perturbations(self) -> int:
+        """The number of columns."""
+        return self.columns // max(self.states, 1)
+
+    @property
     def crossing(self) -> tuple[int, float, int]:
         """The section, with component -1 for none."""
         return (-1, 0.0, 0) if self.section is None else self.section

@@ -105,7 +105,7 @@ class Functions(SingleMethodEngine):
         self._flow, self._margins = equations.flow, equations.margins
         self._transition = equations.transition
         self.n, self.m = equations.n, equations.m
-        self.states = equations.n - equations.columns
+        self.states, self.perturbations = equations.states, equations.perturbations
         self.parameters: list[float] = np.asarray(equations.parameters, dtype=float).tolist()
         self.bias = np.zeros(2 * equations.m)
         self.approach_search = 1

@@ -294,7 +294,7 @@ def weights_callback() -> Any:
 
     def error_weights(y, out, user):  # type: ignore[no-untyped-def]
         handle = _handle(user)
-        n, columns = handle.states, handle.n // handle.states - 1
+        n, columns = handle.states, handle.perturbations
         values, weights, rtol = pointer(_data(y)), pointer(_data(out)), handle.rtol
         factor = math.sqrt(1.0 + columns)
         for i in range(n):

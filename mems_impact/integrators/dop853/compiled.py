@@ -25,7 +25,7 @@ from mems_impact.integrators.jit.kernels import (
     is_handle,
     method_entries,
 )
-from mems_impact.integrators.jit.lanes import LANES, strided_at
+from mems_impact.integrators.jit.lanes import LANE_BITS, LANES, strided_at
 from mems_impact.integrators.jit.numba_support import (
     INNER,
     JIT,
@@ -40,14 +40,13 @@ from mems_impact.integrators.jit.numba_support import (
 )
 from mems_impact.integrators.options import Options
 
-METHOD = ("stages", "dense", "wide_stages", "wide_dense")
 _WORDS = ("rows", "width", "components", "approaches", "direction", "begun", "rest", "has_dense")
 _COUNTS = ("at_border", "off_border", "stiff", "steps")
 _REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
     [
         *ENGINE_FIELDS,
-        *((name, np.int64) for name in (*METHOD, *_WORDS, *_COUNTS)),
+        *((name, np.int64) for name in ("stages", "dense", *_WORDS, *_COUNTS)),
         *((name, np.float64) for name in _REALS),
     ],
     align=True,
@@ -68,8 +67,6 @@ SIGNATURES = {
     **METHOD_SIGNATURES,
     "stages": _real(_word, _real, _real),
     "dense": types.void(_word, _real, _real),
-    "wide_stages": _real(_word, _real, _real),
-    "wide_dense": types.void(_word, _real, _real),
 }
 
 
@@ -89,7 +86,7 @@ class CompiledDop853(CompiledEngine):
         size = -(-equations.n // LANES) * LANES  # the last group has components of zero
         width = max(size, 2 * equations.m + 2)
         arrays = {"rows": ROWS * width, "components": size * ENGINE_NUMBERS}
-        super().__init__(HANDLE, equations, arrays, functions())
+        super().__init__(HANDLE, equations, arrays, functions(wide=equations.columns > 0))
         handle = self.handle
         self._approaches = np.array(equations.approaches, dtype=np.float64)
         handle["approaches"] = self._approaches.ctypes.data
@@ -98,9 +95,6 @@ class CompiledDop853(CompiledEngine):
         handle["direction"] = equations.crossing[2]
         handle["rtol"], handle["atol"] = options.rtol, options.atol
         handle["max_step"] = max_step
-        if equations.columns:
-            for name in ("stages", "dense"):
-                handle[name] = handle[f"wide_{name}"]
 
     def is_stiff(self) -> bool:
         """Return whether stability, not accuracy, has limited steps."""
@@ -124,8 +118,9 @@ def method_memory(engine: Any, mode: int) -> int:
 
 
 @cache
-def functions() -> dict[str, Any]:
-    """Compile the stepper to C functions over a HANDLE, or load them from the cache."""
+def functions(wide: bool) -> dict[str, Any]:
+    """Compile the stepper to C functions over a HANDLE, or WIDE, or load them from the cache."""
+    method, handle = ("dop853_wide", _wide) if wide else ("dop853", _handle)
     run_stages, run_dense, run_step, run_interpolate = take_snapshot(
         stepper.stages, stepper.dense, stepper.step, stepper.interpolate
     ).frozen(**CONTRACTED)
@@ -136,21 +131,17 @@ def functions() -> dict[str, Any]:
     )
 
     def stages(engine, t, h):  # type: ignore[no-untyped-def]
-        return run_stages(_handle(engine), t, h)
+        return run_stages(handle(engine), t, h)
 
     def dense(engine, t, h):  # type: ignore[no-untyped-def]
-        run_dense(_handle(engine), t, h)
+        run_dense(handle(engine), t, h)
 
-    def wide_stages(engine, t, h):  # type: ignore[no-untyped-def]
-        return run_stages(_wide(engine), t, h)
-
-    def wide_dense(engine, t, h):  # type: ignore[no-untyped-def]
-        run_dense(_wide(engine), t, h)
-
-    entries: list[Callable[..., Any]] = [stages, dense, wide_stages, wide_dense]
+    entries: list[Callable[..., Any]] = [stages, dense]
+    for entry in entries:
+        entry.__qualname__ = f"{method}_{entry.__name__}"
     entries += method_entries(
-        "dop853",
-        _handle,
+        method,
+        handle,
         (
             run_step,
             run_end_margins,
@@ -162,7 +153,7 @@ def functions() -> dict[str, Any]:
             run_method_memory,
         ),
     )
-    contracted = {*METHOD, "step", "interpolate"}
+    contracted = {"stages", "dense", "step", "interpolate"}
     return {
         function.__name__: compile_callback(
             function,
@@ -203,10 +194,13 @@ def _row(engine, i):  # type: ignore[no-untyped-def]
 
 @overload(stepper.component, jit_options={**JIT, **INNER})
 def _component(engine, j):  # type: ignore[no-untyped-def]
-    if _is_onestep(engine):
+    if _is_wide(engine):
+        skipped = LANES * (ENGINE_NUMBERS - 1)  # numbers of a group between components
         return lambda engine, j: _numbers_at(
-            engine.components + WORD * (ENGINE_NUMBERS * (j - j % LANES) + j % LANES)
+            engine.components + WORD * (j + skipped * (j >> LANE_BITS))
         )
+    if _is_onestep(engine):
+        return lambda engine, j: pointer(engine.components + WORD * ENGINE_NUMBERS * j)
 
 
 @overload(stepper.groups, jit_options={**JIT, **INNER})

@@ -312,7 +312,7 @@ def stages(engine: Any, t: float, h: float) -> float:
         # Slopes without a weight in the error estimate.
         k[PROBE] = k[1] + k[2] + k[3] + k[4]
     # fmt: on
-    error, columns = error_of(engine, 0, 1, h), engine.n // engine.states - 1
+    error, columns = error_of(engine, 0, 1, h), engine.perturbations
     for c in range(columns):
         of_column = COLUMN_WEIGHT * error_of(engine, engine.states + c, columns, h)
         error = (of_column if of_column > error else error) + 0.0 * of_column
@@ -743,10 +743,9 @@ def eighth_root(x: float) -> float:
 
 def take_step(engine: Any) -> int:
     """Take one step that passes the error test."""
-    start, end = row(engine, START), row(engine, END)
-    for j in range(engine.n):
-        start[j] = end[j]
-        component(engine, j)[0] = component(engine, j)[12]
+    for j in range(groups(engine)):
+        grouped(engine, START)[j] = grouped(engine, END)[j]
+        group(engine, j)[0] = group(engine, j)[12]
     scale_columns(engine)
     engine.has_dense = 0
     t = engine.t_end
@@ -770,7 +769,7 @@ def take_step(engine: Any) -> int:
         elif not slope_at_end(engine, ahead):
             failure = interface.NON_FINITE
             h *= RETREAT
-        elif not root_functions(engine, ahead, end, row(engine, HIGH)):
+        elif not root_functions(engine, ahead, row(engine, END), row(engine, HIGH)):
             failure = interface.ROOT_FUNCTION_FAILED
             h *= RETREAT
         else:
@@ -794,7 +793,7 @@ def take_step(engine: Any) -> int:
 def scale_columns(engine: Any) -> None:
     """Set the absolute tolerances of columns, which are relative to long columns."""
     start, floor, n = row(engine, START), row(engine, FLOOR), engine.states
-    columns = engine.n // n - 1
+    columns = engine.perturbations
     for c in range(columns):
         size = 1.0
         for i in range(n):
@@ -835,8 +834,8 @@ def advance_to_root(engine: Any) -> int:
             return interface.ROOT
     for i in range(last + 1):
         low[i] = high[i]
-    for j in range(engine.n):
-        row(engine, STATE)[j] = row(engine, END)[j]
+    for j in range(groups(engine)):
+        grouped(engine, STATE)[j] = grouped(engine, END)[j]
     engine.t = engine.t_end
     engine.rest = 0
     return interface.STOPPED if engine.t_end >= engine.stop else interface.STEPPED

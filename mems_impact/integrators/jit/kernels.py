@@ -73,7 +73,8 @@ ENGINE_FIELDS = [
     ("margins", np.int64),
     ("transition", np.int64),
     ("n", np.int64),
-    ("states", np.int64),  # without columns
+    ("states", np.int64),  # components without columns
+    ("perturbations", np.int64),  # columns
     ("m", np.int64),
     ("parameter_count", np.int64),
     ("t", np.float64),
@@ -432,7 +433,7 @@ class CompiledEngine(SingleMethodEngine):
             offset += size
         handle["fired"] = base + WORD * offset
         handle["n"], handle["m"], handle["parameter_count"] = n, m, parameters.size
-        handle["states"] = n - equations.columns
+        handle["states"], handle["perturbations"] = equations.states, equations.perturbations
         handle["approach_search"] = 1
         handle["section"], handle["level"], _ = equations.crossing
         handle["flow"] = self._kernels.flow.address

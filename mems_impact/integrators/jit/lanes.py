@@ -20,9 +20,10 @@ from numba.extending import intrinsic, models, register_model
 
 from mems_impact.integrators.jit.numba_support import WORD
 
-__all__ = ["LANES", "strided_at"]
+__all__ = ["LANES", "LANE_BITS", "strided_at"]
 
-LANES = 4  # numbers of a vector
+LANE_BITS = 2
+LANES = 1 << LANE_BITS  # numbers of a vector
 DOUBLE, INTEGER = ir.DoubleType(), ir.IntType(64)
 VECTOR = ir.VectorType(DOUBLE, LANES)
 
