@@ -165,7 +165,7 @@ def least_changing(
     estimates : callable
         Returns arrays or numbers for a length.
     length : float
-        The first length, which is halved.
+        The first length, which is halved, or doubled if the change grows from there on.
 
     Raises
     ------
@@ -173,22 +173,40 @@ def least_changing(
         If no two lengths have estimates.
     """
     best: tuple[float, Sequence[V]] = (math.inf, [])
-    last: Sequence[V] = []
+    tried: list[Sequence[V]] = []
     for step in range(MAX_STEPS):
         try:
             new = estimates(length * STEP_RATIO**step)
         except OrbitError:
             continue
-        if last:
-            error = float(np.abs(new[-1] - last[-1]).max())
+        tried.append(new)
+        if len(tried) > 1:
+            error = _change(*tried[-2:])
             if error > GROWTH * best[0]:
                 break
             if error < best[0]:
                 best = error, new
-        last = new
+    if len(tried) > 1 and best[1] is tried[1]:  # rounding grows from the first length on
+        shorter = tried[0]
+        for step in range(1, MAX_STEPS):
+            try:
+                longer = estimates(length / STEP_RATIO**step)
+            except OrbitError:
+                break
+            error = _change(shorter, longer)
+            if error >= best[0]:
+                break
+            best, shorter = (error, shorter), longer
+            if error <= ROUNDING * float(np.abs(longer[-1]).max()):
+                break
     if not best[1]:
         raise OrbitError(NOT_DIFFERENTIABLE, FARTHER_REMEDY)
     return best[1], best[0]
+
+
+def _change(one: Sequence[V], other: Sequence[V]) -> float:
+    """Return the largest difference of the last of two estimates."""
+    return float(np.abs(one[-1] - other[-1]).max())
 
 
 # --- Of flows
