@@ -213,7 +213,8 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
 
 # --- Branches of periodic orbits in one parameter
 
-REGULARITY_NOISE = 1e-6  # error of the regularity within a continuum of orbits
+REGULARITY_NOISE = 1e-6  # largest error of the regularity within a continuum of orbits
+MATRIX_ERROR_SAFETY = 10.0  # factor on estimates of the error of derivatives
 REFINED_VALUE = 1e-10  # of a test function that is not zero at a located crossing
 REFINEMENT_RATIO = 1e-3  # of a step, on each side of the crossing, in which its zero is located
 COINCIDENT = 1e-7  # distance on the branch below which two losses count as one
@@ -714,7 +715,8 @@ class _BranchProblem(OrbitProblem[OrbitPoint, OrbitEvent]):
                 shooting, CIRCLE, partial(monodromy_factors, shooting), short
             )
         first, last = (test[BranchPointTest()] for test in (before, after))
-        if max(abs(first), abs(last)) < REGULARITY_NOISE:
+        largest = max(abs(first), abs(last))
+        if largest < REGULARITY_NOISE and largest < _matrix_error(shooting, step.at(length).point):
             first = last = 0.0
         bifurcations, located = [], self.bifurcations.within(step, length, first, last)
         if any(each.kind == CROSSING for each in located):
@@ -812,6 +814,13 @@ def _refined(
         with contextlib.suppress(ValueError):  # it has a double zero
             position = step.zero(test, min(position + reach, length), max(position - reach, 0.0))
     return position, step.at(position).point
+
+
+def _matrix_error(shooting: Shooting, point: ShootingEvaluation) -> float:
+    """Return the error of the derivatives of the equations, by smaller tolerances and steps."""
+    refined = shooting.refined.evaluate(point.unknowns, point.values)
+    one, other = (np.hstack([each.jacobian, each.by_parameter]) for each in (refined, point))
+    return MATRIX_ERROR_SAFETY * float(np.linalg.norm(one - other, 2))
 
 
 def _jumps(before: Spectrum, after: Spectrum) -> bool:

@@ -138,7 +138,8 @@ def _between(
     shooting = one.shooting
     first = np.append(one.point.unknowns, begin.value)
     last = np.append(other.point.unknowns, end.value)
-    if one.segments != other.segments or shooting.phase != other.shooting.phase:
+    same = (shooting.phase, shooting.nodes) == (other.shooting.phase, other.shooting.nodes)
+    if one.segments != other.segments or not same:
         near = begin if abs(begin.value - value) < abs(end.value - value) else end
         shooting = near.solution.shooting
         return shooting, solve(shooting, near.solution.point.unknowns, np.array([value]))
