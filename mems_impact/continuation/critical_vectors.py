@@ -26,8 +26,11 @@ class Differentiation(Protocol):
         """Return the derivatives."""
 
 
-class CubicCoefficient(NamedTuple):
-    """The cubic coefficient of a normal form.
+ENTRY_ERROR = 1e-12  # relative error of an entry of a derivative
+
+
+class Coefficient(NamedTuple):
+    """A coefficient of a normal form.
 
     Attributes
     ----------
@@ -89,6 +92,11 @@ class CriticalVectors:
         left, right = self.null
         return complex(left @ self.closure @ right)
 
+    @property
+    def _weight(self) -> complex:
+        """The inverse of the condition, infinite where that is zero."""
+        return 1.0 / self.condition if self.condition else complex(np.inf)
+
     @cached_property
     def _along(self) -> tuple[DirectionalDerivatives, ...]:
         """Derivatives along the real and, if there is one, the imaginary part of v."""
@@ -112,7 +120,22 @@ class CriticalVectors:
         """Return the derivatives of the multiplier by unknowns and parameters."""
         return np.asarray(-(self.null[0] @ self.by_all) / self.condition)
 
-    def cubic(self) -> CubicCoefficient:
+    @property
+    def error(self) -> float:
+        """Error of the multiplier, by those of the entries of the matrix."""
+        left, right = self.null
+        moved = ENTRY_ERROR * float(np.abs(left) @ np.abs(self.point.jacobian) @ np.abs(right))
+        return moved * abs(self._weight)
+
+    def quadratic(self) -> Coefficient:
+        """Return the quadratic coefficient at a multiplier 1, x -> x + a x^2."""
+        (left, v), (along,) = self.null, self._along
+        factor = -0.5 * self._weight.real
+        value = factor * float(left @ along.second[:, : v.size] @ v)
+        error = abs(factor) * float(np.abs(left).sum()) * along.second_error
+        return Coefficient(value, error, abs(value))
+
+    def cubic(self) -> Coefficient:
         """Return the cubic coefficient on the center manifold; v has the length of one.
 
         c of ``x -> mu x + c x^3`` for a real multiplier, Re(c / mu) of ``z -> mu z + c z |z|^2``
@@ -128,7 +151,7 @@ class CriticalVectors:
             real, imaginary = (each.second[:, :n] for each in self._along)
             terms += [2.0 * second @ mean, (real - 1j * imaginary) @ double]
             curvature = np.linalg.norm(mean) + np.linalg.norm(double)
-            factor = -1.0 / (2.0 * self.condition * mu)
+            factor = -0.5 * self._weight / mu
         else:
             if mu == 1.0:  # on the complement of v, where the equations are regular
                 columns, sizes, rows = np.linalg.svd(self.point.jacobian)
@@ -137,11 +160,11 @@ class CriticalVectors:
                 h = np.linalg.solve(self.point.jacobian, square)
             terms.append(3.0 * second @ h)
             curvature = np.linalg.norm(h)
-            factor = -1.0 / (6.0 * self.condition)
+            factor = -self._weight / 6.0
         error = sum(
             each.third_error + 6.0 * each.second_error * (1.0 + curvature) for each in self._along
         )
-        return CubicCoefficient(
+        return Coefficient(
             value=float((factor * (left @ sum(terms))).real),
             error=float(abs(factor) * np.abs(left).sum() * error),
             size=float(abs(factor) * sum(np.linalg.norm(each) for each in terms)),

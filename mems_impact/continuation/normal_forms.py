@@ -1,13 +1,13 @@
 """Normal forms of bifurcations: coefficients and criticality.
 
-Orbits: the Poincaré map along the signature of an orbit is defined by the shooting equations
-without the one that closes the orbit. Its first derivative follows from their Jacobian; second and
-third derivatives along a vector are extrapolated differences of the first. Near a fixed point, with
-A, B and C the first to third derivatives, ``A q = mu q``, ``p A = mu p`` and ``<p, q> = 1``, the
-map on the center manifold follows from Kuznetsov, *Elements of Applied Bifurcation Theory*, 3rd
-edition (2004), section 5.4.
+Equilibria: with A, B and C the first to third derivatives of the flow, ``A q = mu q``,
+``p A = mu p`` and ``<p, q> = 1``, the flow on the center manifold follows from Kuznetsov, *Elements of Applied
+Bifurcation Theory*, 3rd edition (2004), section 5.4. The derivatives are exact.
 
-Equilibria: the same for the flow, section 5.4 there too.
+Orbits: the same for the map of all unknowns of the shooting equations (`CriticalVectors`). Second
+and third derivatives are extrapolated differences of the Jacobian of these equations. At points of
+codimension two the Poincaré map along the signature of an orbit is defined by the shooting
+equations without the one that closes the orbit.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eig
 
 from mems_impact._util.arrays import Complexes, Floats
+from mems_impact.continuation.critical_vectors import ENTRY_ERROR, CriticalVectors
 from mems_impact.continuation.equilibrium_branch import HOPF
 from mems_impact.continuation.higher_derivatives import (
     DirectionalDerivatives,
@@ -36,13 +37,13 @@ from mems_impact.continuation.test_functions import (
 )
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import EquilibriumState
-from mems_impact.orbits.monodromy import reduced_components
+from mems_impact.orbits.monodromy import multipliers_at, reduced_components
 from mems_impact.orbits.newton import TOLERANCE
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
 
-ENTRY_ERROR = 1e-12  # relative error of an entry of a derivative
+
 SIGNIFICANCE = 3.0  # multiple of its error that a coefficient must exceed to have a sign
 
 Differentiation = Callable[[Floats], DirectionalDerivatives]
@@ -266,12 +267,12 @@ def _critical(matrix: Floats, target: complex) -> _Critical:
     )
 
 
-def _real(matrix: Floats, target: float) -> tuple[Floats, Floats, float]:
-    """Return the right and left eigenvectors of a real eigenvalue, and the error of the left one.
+def _real(matrix: Floats) -> tuple[Floats, Floats, float]:
+    """Return the right and left eigenvectors of the eigenvalue zero, and the error of the left one.
 
     The largest entry of the right one is positive.
     """
-    vectors = _critical(matrix, target)
+    vectors = _critical(matrix, 0.0)
     phase = vectors.right[np.argmax(np.abs(vectors.right))]
     turn = np.conj(phase) / abs(phase)
     q = (vectors.right * turn).real
@@ -293,16 +294,12 @@ def _bordered(matrix: Floats, q: Floats, p: Floats, right: Floats) -> Floats:
         return np.asarray(np.linalg.lstsq(bordered, right)[0][:size])
 
 
-def fold_coefficient(along: Differentiation, matrix: Floats, target: float) -> NormalForm:
-    """Return the quadratic coefficient of a fold: a = <p, B(q, q)> / 2.
-
-    `matrix` has the eigenvalue `target`: 1 for a map, 0 for a flow.
-    """
-    q, p, _ = _real(matrix, target)
+def fold_coefficient(along: Differentiation, matrix: Floats) -> NormalForm:
+    """Return the quadratic coefficient of a fold of equilibria: a = <p, B(q, q)> / 2."""
+    q, p, _ = _real(matrix)
     derivatives = along(q)
     a, error = 0.5 * float(p @ derivatives.second @ q), 0.5 * _gain(p) * derivatives.second_error
-    equation = "x -> x + a x^2" if target == 1.0 else "x' = a x^2"
-    return NormalForm(equation, {"a": a}, {"a": error})
+    return NormalForm("x' = a x^2", {"a": a}, {"a": error})
 
 
 def _cubic(
@@ -314,56 +311,24 @@ def _cubic(
     return c, error + abs(c) * relative
 
 
-def cubic_coefficient(along: Differentiation, matrix: Floats, target: float) -> NormalForm:
+def cubic_coefficient(along: Differentiation, matrix: Floats) -> NormalForm:
     """Return the cubic coefficient of a pitchfork: c = <p, C(q, q, q) + 3 B(q, h)> / 6.
 
-    ``h`` solves (mu - A) h = B(q, q) on the complement of q. Supercritical if c is negative.
+    ``h`` solves -A h = B(q, q) on the complement of q. Supercritical if c is negative.
     """
-    q, p, relative = _real(matrix, target)
+    q, p, relative = _real(matrix)
     derivatives = along(q)
-    h = _bordered(target * np.eye(q.size) - matrix, q, p, derivatives.second @ q)
+    h = _bordered(-matrix, q, p, derivatives.second @ q)
     c, error = _cubic(derivatives, q, p, h, relative)
-    equation = "x -> x + c x^3" if target == 1.0 else "x' = c x^3"
-    return NormalForm(equation, {"c": c}, {"c": error}, criticality_of(c, error))
+    return NormalForm("x' = c x^3", {"c": c}, {"c": error}, criticality_of(c, error))
 
 
-def crossing_coefficient(along: Differentiation, matrix: Floats, target: float) -> NormalForm:
+def crossing_coefficient(along: Differentiation, matrix: Floats) -> NormalForm:
     """Return the normal form of a branch point: transcritical (quadratic) or pitchfork (cubic)."""
-    quadratic = fold_coefficient(along, matrix, target)
+    quadratic = fold_coefficient(along, matrix)
     if abs(quadratic.coefficient) > SIGNIFICANCE * quadratic.error:
         return quadratic
-    return cubic_coefficient(along, matrix, target)
-
-
-def flip_coefficient(along: Differentiation, matrix: Floats) -> NormalForm:
-    """Return the cubic coefficient of a period doubling, x -> -x + c x^3.
-
-    c = <p, C(q, q, q) + 3 B(q, h)> / 6 with (1 - A) h = B(q, q). Supercritical if c is positive:
-    the orbit of twice the period is stable on the center manifold.
-    """
-    q, p, relative = _real(matrix, -1.0)
-    derivatives = along(q)
-    h: Floats = np.linalg.solve(np.eye(q.size) - matrix, derivatives.second @ q).astype(float)
-    c, error = _cubic(derivatives, q, p, h, relative)
-    return NormalForm("x -> -x + c x^3", {"c": c}, {"c": error}, criticality_of(-c, error))
-
-
-def neimark_sacker_coefficient(
-    along: Differentiation, matrix: Floats, target: complex
-) -> NormalForm:
-    """Return the cubic coefficient of a Neimark-Sacker bifurcation.
-
-    d = Re(exp(-i theta) <p, C(q, q, q*) + 2 B(q, h11) + B(q*, h20)>) / 2, with
-    (1 - A) h11 = B(q, q*) and (exp(2 i theta) - A) h20 = B(q, q). Supercritical if d is negative:
-    the invariant curve is stable on the center manifold.
-    """
-    vectors = _critical(matrix, target)
-    mu = vectors.value / abs(vectors.value)
-
-    c, error = _resonant_cubic(along, vectors, _resolvent(matrix, 1.0), _resolvent(matrix, mu * mu))
-    d = 0.5 * float((np.conj(mu) * c).real)
-    equation = "z -> exp(i theta) z (1 + d |z|^2)"
-    return NormalForm(equation, {"d": d}, {"d": 0.5 * error}, criticality_of(d, error))
+    return cubic_coefficient(along, matrix)
 
 
 def hopf_coefficient(along: Differentiation, matrix: Floats, target: complex) -> NormalForm:
@@ -460,23 +425,36 @@ def orbit_normal_form(
     """
     if kind not in (FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT):
         return None
-    returns = ReturnMap(shooting, point)
-    matrix = returns.jacobian
-    along = partial(directional_derivatives, returns.jacobian_at, size=returns.size or 1.0)
-    if kind == FOLD:
-        return fold_coefficient(along, matrix, 1.0)
+    values = multipliers_at(shooting, point)
     if kind == NEIMARK_SACKER:
-        values = np.linalg.eigvals(matrix)
         off_axis = values[values.imag > 0.0]
         if not off_axis.size:
             return None  # neutral saddle
-        target = off_axis[np.argmin(np.abs(np.abs(off_axis) - 1.0))]
-        return neimark_sacker_coefficient(along, matrix, complex(target))
-    if kind == PERIOD_DOUBLING and not doubled:
-        return flip_coefficient(along, matrix)
-    if kind == BRANCH_POINT:
-        return crossing_coefficient(along, matrix, 1.0)
-    return cubic_coefficient(along, matrix, 1.0)
+        target = complex(off_axis[np.argmin(np.abs(np.abs(off_axis) - 1.0))])
+        target /= abs(target)
+    else:
+        target = complex(-1.0 if kind == PERIOD_DOUBLING and not doubled else 1.0)
+    vectors = CriticalVectors(shooting, point, target, directional_derivatives)
+    start = vectors.null[1][reduced_components(shooting, point)]
+    length = float(np.linalg.norm(start))
+    if target == 1.0 and kind in (FOLD, BRANCH_POINT):
+        quadratic = vectors.quadratic()
+        turn = np.sign(start[np.argmax(np.abs(start))].real)
+        a, error = turn * quadratic.value / length, quadratic.error / length
+        if kind == FOLD or abs(a) > SIGNIFICANCE * error:
+            return NormalForm("x -> x + a x^2", {"a": a}, {"a": error})
+    cubic = vectors.cubic()
+    c, error = cubic.value / length**2, cubic.error / length**2
+    i = int(np.argmin(np.abs(values - target)))
+    separation = np.abs(np.delete(values, i) - values[i]).min(initial=np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error += abs(c) * np.divide(vectors.error + abs(values[i] - target), separation)
+    error = float(np.nan_to_num(error, nan=np.inf, posinf=np.inf))
+    if kind == NEIMARK_SACKER:
+        equation = "z -> exp(i theta) z (1 + d |z|^2)"
+        return NormalForm(equation, {"d": c}, {"d": error}, criticality_of(c, error))
+    equation = "x -> x + c x^3" if target == 1.0 else "x -> -x + c x^3"
+    return NormalForm(equation, {"c": c}, {"c": error}, criticality_of(target.real * c, error))
 
 
 def equilibrium_normal_form(kind: str, state: EquilibriumState) -> NormalForm | None:
@@ -505,9 +483,9 @@ def equilibrium_normal_form(kind: str, state: EquilibriumState) -> NormalForm | 
     differences = partial(directional_derivatives, jacobian, size=size)
     along: Differentiation = exact if equations.is_exact(balance) else differences
     if kind == FOLD:
-        return fold_coefficient(along, matrix, 0.0)
+        return fold_coefficient(along, matrix)
     if kind == BRANCH_POINT:
-        return crossing_coefficient(along, matrix, 0.0)
+        return crossing_coefficient(along, matrix)
     values = np.linalg.eigvals(matrix)
     rotating = values[values.imag > 0.0]
     return hopf_coefficient(along, matrix, complex(rotating[np.argmin(np.abs(rotating.real))]))
