@@ -1,8 +1,9 @@
 """Normal forms of bifurcations: coefficients and criticality.
 
 Equilibria: with A, B and C the first to third derivatives of the flow, ``A q = mu q``,
-``p A = mu p`` and ``<p, q> = 1``, the flow on the center manifold follows from Kuznetsov, *Elements of Applied
-Bifurcation Theory*, 3rd edition (2004), section 5.4. The derivatives are exact.
+``p A = mu p`` and ``<p, q> = 1``, the flow on the center manifold follows from Kuznetsov,
+*Elements of Applied Bifurcation Theory*, 3rd edition (2004), section 5.4. The derivatives are
+exact.
 
 Orbits: the same for the map of all unknowns of the shooting equations (`CriticalVectors`). Second
 and third derivatives are extrapolated differences of the Jacobian of these equations. At points of
@@ -439,7 +440,7 @@ def orbit_normal_form(
     length = float(np.linalg.norm(start))
     if target == 1.0 and kind in (FOLD, BRANCH_POINT):
         quadratic = vectors.quadratic()
-        turn = np.sign(start[np.argmax(np.abs(start))].real)
+        turn = math.copysign(1.0, start[np.argmax(np.abs(start))].real)
         a, error = turn * quadratic.value / length, quadratic.error / length
         if kind == FOLD or abs(a) > SIGNIFICANCE * error:
             return NormalForm("x -> x + a x^2", {"a": a}, {"a": error})
