@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 
 import pytest
 
@@ -479,7 +478,7 @@ def test_sliding_ends_where_the_rates_of_all_flows_around_an_intersection_are_pa
         return -2.0 * a - b, -2.0 * a - (2.0 - y.z) * b, 1.0 + 10.0 * max(0.0, y.z) * a
 
     system = crossing(flow, {"x": 0.3, "y": 0.2, "z": -1.0})
-    options = replace(PLAIN, method=method, rtol=1e-10, atol=1e-12)
+    options = mi.Options(method=method, rtol=1e-10, atol=1e-12)
     with pytest.raises(mi.RunError, match="not unique") as error:
         mi.simulate(system, duration=6.0, options=options)
     # Rates are parallel within 1e-7 of their sizes.
