@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from mems_impact.hybrid.differences import weight_of
-
 __all__ = [
     "PROJECTION_STEPS",
     "elimination",
@@ -16,7 +14,7 @@ __all__ = [
 ]
 
 PROJECTION_STEPS = 3  # iterations of Newton's method onto a curved surface
-CONSTRAINT_STEP = 1e-3  # step of the differences for the gradient of a constraint
+CONSTRAINT_STEP = 1e-3  # of the gradient of a constraint that takes no numbers with tangents
 REDUNDANCY_RTOL = "1e-11"  # relative pivot below which an equation is redundant
 
 
@@ -51,17 +49,9 @@ def projection_source(constraints: Sequence[tuple[int, Callable[..., Any]]], n: 
 
 def slope(i: int, j: int, n: int) -> str:
     """Return the derivative of a constraint by a component of the state, as an expression."""
-
-    def value(step: float) -> str:
-        y = ", ".join(f"s[{k}] + {step!r}" if k == j else f"s[{k}]" for k in range(n))
-        return f"holds_{i}(mode, t, State({y}), q)"
-
-    terms = (
-        f"{weight_of(s) / CONSTRAINT_STEP!r}"
-        f" * ({value(s * CONSTRAINT_STEP)} - {value(-s * CONSTRAINT_STEP)})"
-        for s in (1, 2, 3)
-    )
-    return f"({' + '.join(terms)})"
+    state = ", ".join(f"with_rate(s[{k}], {float(k == j)})" for k in range(n))
+    moving = f"with_rate(t, 0.0, s[0]), State({state})"
+    return f"along(holds_{i}, {CONSTRAINT_STEP!r}, mode, {moving}, q)[1]"
 
 
 def elimination(k: int, redundant: str = REDUNDANCY_RTOL) -> list[str]:

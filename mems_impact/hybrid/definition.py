@@ -343,8 +343,9 @@ class _CodeWriter:
             return self.definition.projection
         self.space |= {f"holds_{i}": each for i, (_, each) in enumerate(equations)}
         text = function("onto(mode, t, s, q)", constraints.projection_source(equations, self.n))
-        exec(compile(text, GENERATED, "exec"), self.space)
-        result: Callable[..., Any] = self.space["onto"]
+        space = {**self.space, "SOURCE": text}
+        exec(compile(text, GENERATED, "exec"), space)
+        result: Callable[..., Any] = space["onto"]
         return result
 
     def case(

@@ -182,3 +182,23 @@ def test_what_is_no_constraint_is_refused(more, message):
             parts=[mi.Friction("ground", "v", mu=0.5)],
             constraints={0: apart},
         )
+
+
+def test_a_state_is_projected_in_any_units():
+    """A curve of some micrometres, on which the step of a difference would be long."""
+
+    def wave(mode, t, y, p):
+        return 1e-6 * math.sin(1e6 * y.x) - y.z
+
+    slider = mi.System(
+        states=("x", "z"), flow=lambda mode, t, y, p: (1e-6, 1e-6 * math.cos(1e6 * y.x)),
+        constraints={0: wave}, time_scale=1.0,
+    )  # fmt: skip
+    automaton = slider.automaton
+    p = slider.numbers().parameters
+    beside = np.array([0.5e-6, 1e-6 * math.sin(0.5) + 1e-8])
+    _, onto = automaton.state_after(0, automaton.projection_code, 0.0, beside, p)
+    x, z = 1e6 * onto
+    assert z == pytest.approx(math.sin(x), rel=1e-12)
+    # The nearest point: the step is normal to the curve.
+    assert (x - 0.5) + math.cos(x) * (z - 1e6 * beside[1]) == pytest.approx(0.0, abs=1e-4)
