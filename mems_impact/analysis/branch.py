@@ -32,6 +32,7 @@ from mems_impact.continuation.arclength import CLOSED, StepControl
 from mems_impact.continuation.branch import (
     EquilibriumBranch,
     EquilibriumCurve,
+    EquilibriumEvent,
     OrbitBranch,
     OrbitCurve,
     OrbitEvent,
@@ -510,25 +511,33 @@ def switch_branch(
     limits = system.into(parameter, low), system.into(parameter, high)
     starts, event = switched_solutions(special.numeric, parameter, *limits)
     start = solution_of(system, starts[0][0])
-    sides: list[Any] = []
+    sides: list[Branch[Any]] = []
     with _follower(
         start, parameter, (low, high), through_grazing, events, stop_at, progress
     ) as followed:
         for numeric, onward in starts:
-            sides.append(followed(numeric, onward, steps or _steps(start)))
-            if event is None or sides[-1].ended.endswith(CLOSED):
-                return _branch(system, sides[-1], (low, high))
+            side = followed(numeric, onward, steps or _steps(start))
+            sides.append(_branch(system, side, (low, high)))
+            if event is None or side.ended.endswith(CLOSED):
+                return sides[-1]
     if len(sides) == 1:
-        sides.append(type(sides[0])(parameter, ended=ONE_SIDE))
-    return _branch(system, sides[0].joined(sides[1], event), (low, high))
+        sides.append(_branch(system, type(side)(parameter, ended=ONE_SIDE), (low, high)))
+    return joined_branch(sides[0], sides[1], event)
 
 
-def joined_branch(outward: Branch[S], inward: Branch[S]) -> Branch[S]:
-    """Return one branch of two that start at the same point in opposite directions."""
-    numeric = outward.numeric.joined(inward.numeric)  # type: ignore[arg-type]
+def joined_branch(
+    outward: Branch[S], inward: Branch[S], at: OrbitEvent | EquilibriumEvent | None = None
+) -> Branch[S]:
+    """Return one branch of two from the same point in opposite directions.
+
+    They may start on the two sides of a special point.
+    """
+    numeric = outward.numeric.joined(inward.numeric, at)  # type: ignore[arg-type]
+    system, parameter, bounds = outward.system, outward.parameter, outward.bounds
+    between = [] if at is None else [special_point(system, parameter, at, bounds, None)]
     return replace(
         outward,
-        special_points=(*outward.special_points[::-1], *inward.special_points),
+        special_points=(*outward.special_points[::-1], *between, *inward.special_points),
         ended=numeric.ended,
         numeric=numeric,
     )

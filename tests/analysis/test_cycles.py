@@ -208,7 +208,7 @@ def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
     (fold,) = branch.special_points
     assert fold.label == "CF"
     assert fold.value == pytest.approx(-0.25, abs=1e-10)
-    assert fold.multipliers[0] == pytest.approx(1.0, abs=1e-7)
+    assert fold.solution.multipliers[0] == pytest.approx(1.0, abs=1e-7)
     assert "shrinks to an equilibrium" in branch.ended
     last = branch.orbits[-1]
     assert not last.stable
