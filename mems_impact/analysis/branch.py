@@ -215,12 +215,13 @@ class Branch(ContinuationResult[S]):
         cycle without a section their largest values. Columns of equilibria: the parameter, stable,
         admissible, the largest real part of the eigenvalues, per unit of time, and the states.
         """
-        pieces: list[dict[str, int]] = [{}] * len(self)
-        if isinstance(self.numeric, OrbitBranch):
-            pieces = [{"piece": point.piece} for point in self.numeric.points]
+        points: list[Any] = list(self.numeric.points)
         rows = [
-            {"value": self._value(solution, self.parameter), **row(solution, **piece)}
-            for solution, piece in zip(self.solutions, pieces, strict=True)
+            {
+                "value": float(self.system.out(self.parameter, point.value)),
+                **row(solution, **({"piece": point.piece} if self.of == "orbits" else {})),
+            }
+            for point, solution in zip(points, self.solutions, strict=True)
         ]
         table = orbit_tables.branch(self.parameter, rows, self.system)
         return branch_table(table, self.system, equilibria=self.of == "equilibria")

@@ -534,10 +534,13 @@ class Junction:
         Raises
         ------
         OrbitError
-            If they contradict the type.
+            If they contradict the type, or the mode of the field is none of a side of the surface.
         """
         if tangent == NONE:
             return None
+        if tangent not in surface.free:
+            name = self.automaton.modes[tangent]
+            raise self._undecided(f"the mode {name} has no guard that leads to sliding")
         margin, side = (surface.guard, surface.mode), surface.free[tangent]
         others = [mode for mode, other in surface.free.items() if other == -side]
         if self.before in others:
