@@ -4,9 +4,9 @@ Each rule is the source of an expression over the argument v (or a and b) and th
 numbers and for numbers that carry tangents alike, so that higher derivatives follow from the same
 rules.
 
-At a kink the derivative is that of the branch that is executed. Rules of single points: abs(0) has
-the derivative 0; of equal arguments, min and max take the first; where a derivative is infinite, as
-of sqrt(0), a tangent of zero stays zero.
+At a kink the derivative is that of the branch that is executed. Rules of single points: abs(0) and
+hypot(0, 0) have the derivative 0; of equal arguments, min and max take the first; where a
+derivative is infinite, as of sqrt(0), a tangent of zero stays zero.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ UNARY: dict[Callable[..., Any], str] = {
 
 BINARY: dict[Callable[..., Any], tuple[str, str]] = {
     math.atan2: ("b / (a * a + b * b)", "-a / (a * a + b * b)"),
-    math.hypot: ("a / f", "b / f"),
+    math.hypot: ("0.0 if f == 0.0 else a / f", "0.0 if f == 0.0 else b / f"),
     math.copysign: ("copysign(1.0, a) * copysign(1.0, b)", "0.0"),
     math.fmod: ("1.0", "-trunc(a / b)"),
     operator.mod: ("1.0", "-floor(a / b)"),

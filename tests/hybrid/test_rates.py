@@ -100,6 +100,17 @@ def test_a_margin_that_takes_numbers_alone(engine):
     assert run.events["t"].tolist() == pytest.approx([0.5 - math.pi / 12.0], rel=1e-9)
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_margin_with_a_cone_where_a_run_starts(engine):
+    leaving = mi.System(
+        states=("x", "z"), flow=lambda mode, t, y, p: (3.0, 4.0), time_scale=1.0,
+        guards=[mi.Guard("leaves", lambda mode, t, y, p: 1.0 - math.hypot(y.x, y.z))],
+    )  # fmt: skip
+    options = mi.Options(engine=engine, method="dop853")
+    run = mi.simulate(leaving, duration=1.0, options=options)
+    assert run.events["t"].tolist() == pytest.approx([0.2], rel=1e-12)
+
+
 def test_an_interpreted_run_follows_a_change_of_a_global():
     global LIMIT
     ramp = mi.System(
