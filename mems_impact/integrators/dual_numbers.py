@@ -320,6 +320,8 @@ def along(function: Any, step: Any, mode: Any, t: Any, y: Any, p: Any) -> Any:
     """
     if function not in _refusing:
         try:
+            if any(isinstance(each.value, Dual) for each in y):
+                t, y = _of_one_order(t, y)
             number = copy_for_tangents(function)(mode, t, y, p)
             changes = _order(number) == _order(t)
             return (number.value, number.slope) if changes else (number, 0.0)
@@ -333,6 +335,17 @@ def along(function: Any, step: Any, mode: Any, t: Any, y: Any, p: Any) -> Any:
 
 
 _refusing: set[Any] = set()
+
+
+def _of_one_order(t: Any, y: Any) -> tuple[Any, Any]:
+    """Return time and state with tangents in each value and rate, zero where there are none."""
+    like = max((each.value for each in y), key=_order)
+
+    def lifted(number: Any) -> Any:
+        parts = (number.value, number.slope)
+        return Dual(*(x if isinstance(x, Dual) else _constant(float(x), like) for x in parts))
+
+    return lifted(t), getattr(y, "_make", list)([lifted(each) for each in y])
 
 
 def by_differences(function, step, mode, t, y, p):  # type: ignore[no-untyped-def]

@@ -115,16 +115,6 @@ def test_a_guard_may_only_record():
     assert run.events["v"].iloc[0] == pytest.approx(-math.sqrt(9.81), rel=1e-9)
 
 
-@pytest.mark.parametrize("options", ENGINES[:2], ids=["adams", "dop853"])
-def test_rates_by_differences_are_as_good_as_given_ones(options):
-    given, taken = (
-        mi.simulate(oscillator(rates=rates, A=0.9), 40, options=options) for rates in (True, False)
-    )
-    assert given.events["event"].tolist() == taken.events["event"].tolist()
-    assert len(given.events) > 30
-    assert np.abs(given.events["t"] - taken.events["t"]).max() < 1e-8
-
-
 @pytest.mark.parametrize("exponent", range(2, 13, 2))
 def test_a_graze_is_seen_without_a_rate(exponent):
     # Without drive and damping x turns where its energy says: 10^-k beyond the wall, or short.
