@@ -22,8 +22,8 @@ print(branch.special_table[["label", "amplitude", "impacts"]].to_string(index=Fa
 # the doubling a multiplier is -1:
 
 (doubling,) = [special for special in branch.special_points if special.label == "PD"]
-print(doubling.value, doubling.multipliers.real)
-assert np.abs(doubling.multipliers + 1.0).min() < 1e-7
+print(doubling.value, doubling.orbit.multipliers.real)
+assert np.abs(doubling.orbit.multipliers + 1.0).min() < 1e-7
 
 # %%
 # A branch of twice the period begins there. The doubling itself can be continued in voltage and
