@@ -183,7 +183,7 @@ def test_an_impact_oscillator_through_impacts_at_the_section():
         hits = []
         for side in (1.0, -1.0):
             x, v = places[middle] + side * across
-            run = mi.simulate(system, 300, initial=mi.State(x=x, v=v), window=(280, 300))
+            run = mi.simulate(system, 2000, initial=mi.State(x=x, v=v), window=(1980, 2000))
             hits.append(run.statistics["impacts per period"] > 0.1)
         assert hits[0] != hits[1]
 

@@ -47,7 +47,7 @@ def check(problem, start, periods, tolerance=1e-5):
     n = start.y.size
     free = [i for i in range(n) if i not in problem.automaton.cyclic]
     every = LyapunovIntegrator(problem, start, len(free), chunk=periods)
-    columns = every._state.y[n:].reshape(-1, n)[every._state.alive == 1]
+    columns = every._state.y[n:].reshape(n, -1).T[every._state.alive == 1]
     moved = [carried(problem, start, periods, column.copy())[free] for column in columns]
     every.advance_exponents()
     volume = 0.5 * math.log(np.linalg.det(np.array(moved) @ np.array(moved).T))

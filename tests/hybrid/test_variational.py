@@ -364,4 +364,4 @@ def test_closest_approaches_hidden_within_a_step(engine, method):
         assert arc.minima_time[0] == pytest.approx(t[least], abs=1e-4)
         when = arc.minima_time[0]
         place = start - lift + v * when - 0.5 * when * when
-        assert arc.touches[0, 0, 0] == pytest.approx(place, abs=1e-10)
+        assert arc.touches[0, 0] == pytest.approx(place, abs=1e-10)
