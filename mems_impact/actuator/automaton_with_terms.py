@@ -44,7 +44,7 @@ from mems_impact.actuator.terms.base import (
     Electrode,
     Function,
     ParameterIndices,
-    RateLimit,
+    RateBound,
     TermContribution,
     TermKind,
 )
@@ -171,13 +171,13 @@ class LimitedState(NamedTuple):
         Index of the state.
     side : str
         "" for the right electrode, "left " for the left one.
-    limit : RateLimit
+    limit : RateBound
         With ``rate(v, w, y, p)``.
     """
 
     state: int
     side: str
-    limit: RateLimit
+    limit: RateBound
 
 
 @cache

@@ -104,16 +104,17 @@ class ContinuationResult(Result, Generic[S]):
     @property
     def orbits(self) -> tuple[Orbit, ...]:
         """All orbits, in order; AttributeError on a branch or curve of equilibria."""
-        if self.of != "orbits":
-            raise AttributeError(f"{self!r} consists of {self.of}: see its solutions")
-        return self.solutions  # type: ignore[return-value]
+        return self._solutions_of("orbits")
 
     @property
     def equilibria(self) -> tuple[Equilibrium, ...]:
         """All equilibria, in order; AttributeError on a branch or curve of orbits."""
-        if self.of != "equilibria":
+        return self._solutions_of("equilibria")
+
+    def _solutions_of(self, noun: str) -> tuple[Any, ...]:
+        if self.of != noun:
             raise AttributeError(f"{self!r} consists of {self.of}: see its solutions")
-        return self.solutions  # type: ignore[return-value]
+        return self.solutions
 
     @property
     def of(self) -> str:
@@ -138,10 +139,6 @@ class ContinuationResult(Result, Generic[S]):
             "special points": self._special,
             "ended": self.ended,
         }
-
-    def _value(self, solution: Solution, parameter: str) -> float:
-        """Return the value of a parameter at a solution."""
-        return float(self.system.out(parameter, solution.numeric.family.values[parameter]))
 
     @property
     def _subject(self) -> str:
@@ -797,10 +794,10 @@ class Curve(ContinuationResult[S]):
         The columns are as in `Branch.table`.
         """
         first, second = self.parameters
-        rows = [
-            {"values": [self._value(each, second), self._value(each, first)], **row(each)}
-            for each in self.solutions
-        ]
+        out, rows = self.system.out, []
+        for each in self.solutions:
+            at = each.numeric.family.values
+            rows.append({"values": [out(name, at[name]) for name in (second, first)], **row(each)})
         table = orbit_tables.curve([second, first], rows, self.system)
         return branch_table(table, self.system, equilibria=self.of == "equilibria")
 

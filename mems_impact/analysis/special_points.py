@@ -43,7 +43,6 @@ __all__ = [
     "GrazingType",
     "SpecialPoint",
     "check_kind",
-    "only",
     "special_point",
 ]
 
@@ -98,12 +97,12 @@ class BifurcationPoint(Result, ABC, Generic[S]):
     @property
     def orbit(self) -> Orbit:
         """The orbit; AttributeError at an equilibrium."""
-        return only(self, self.solution, Orbit)
+        return _only(self, self.solution, Orbit)
 
     @property
     def equilibrium(self) -> Equilibrium:
         """The equilibrium; AttributeError at an orbit."""
-        return only(self, self.solution, Equilibrium)
+        return _only(self, self.solution, Equilibrium)
 
     @property
     def system(self) -> HybridSystem:
@@ -339,7 +338,7 @@ def special_point(
     )
 
 
-def only(result: object, solution: object, kind: type[T]) -> T:
+def _only(result: object, solution: object, kind: type[T]) -> T:
     """Return the solution of a result if it is of a kind; else raise AttributeError."""
     if isinstance(solution, kind):
         return solution

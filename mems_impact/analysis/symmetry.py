@@ -231,8 +231,8 @@ def symmetry_of_halves(
     solutions : sequence of Orbit or Equilibrium
         All solutions of the branch.
     """
+    evaluations = [_evaluation(each) for each in solutions]
     for special in specials:
-        evaluations = [_evaluation(each) for each in solutions]
         beside = nearest_beside(_evaluation(special), evaluations)
         symmetry = broken_symmetry(special, solutions[beside])
         if symmetry is not None:

@@ -43,6 +43,7 @@ from mems_impact.continuation.test_functions import (
     CuspTest,
     DefiningSystem,
     TestFunction,
+    sign_changes,
 )
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
@@ -527,11 +528,7 @@ class EquilibriumCurveProblem(
         if loss is not None:
             length = END_RATIO * loss[0]
             after = self.tests(step.at(length).point, step.direction)
-        changes = [
-            (test, value, after[test])
-            for test, value in before.items()
-            if test in after and value * after[test] < 0.0
-        ]
+        changes = sign_changes(before, after)
         events = [event for _, _, event in self.zeros(step, length, changes)]
         if loss is None:
             return LocatedEvents(events)

@@ -80,6 +80,7 @@ from mems_impact.continuation.test_functions import (
     bifurcation_test,
     kind_of,
     orbit_tests,
+    sign_changes,
 )
 from mems_impact.continuation.user_test_functions import FunctionTest, FunctionZeros
 from mems_impact.errors import InvalidParameter, OrbitError
@@ -602,8 +603,7 @@ class _BranchProblem(OrbitProblem[OrbitPoint, OrbitEvent]):
         ) -> list[tuple[float, OrbitEvent]]:
             zeros = [
                 locate_zero(shooting, step, reach, monitor)
-                for monitor, value in before.items()
-                if monitor in after and value * after[monitor] < 0.0
+                for monitor, *_ in sign_changes(before, after)
             ]
             inside = [item for item in zeros if item and self.low <= item[1].value <= self.high]
             return sorted(inside, key=lambda item: item[0])

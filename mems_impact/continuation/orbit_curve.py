@@ -41,6 +41,7 @@ from mems_impact.continuation.test_functions import (
     closest_approach,
     curve_tests,
     orbit_tests,
+    sign_changes,
 )
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.division import OtherEquations
@@ -199,10 +200,16 @@ class OrbitCurveProblem(
             for test in named
         }
         tests: Tests = {test: value for test, value in values.items() if value is not None}
-        for other, value in orbit_tests(self.shooting, point, np.zeros(1)).items():
-            if isinstance(other, MARGIN_TESTS) and other not in self.zero:
-                tests[other] = value
-        return tests
+        return tests | self._other_margins(point)
+
+    def _other_margins(self, point: ShootingEvaluation) -> Tests:
+        """Return the margins and contact speeds that are not zero along the whole curve."""
+        tests = orbit_tests(self.shooting, point, np.zeros(1))
+        return {
+            test: value
+            for test, value in tests.items()
+            if isinstance(test, MARGIN_TESTS) and test not in self.zero
+        }
 
     def name_of(self, test: TestFunction) -> str:
         """Return the name of a zero of `test` on this curve."""
@@ -231,12 +238,7 @@ class OrbitCurveProblem(
         after: Mapping[TestFunction, float],
     ) -> LocatedEvents[ShootingEvaluation, CurveEvent[PeriodicOrbit]]:
         """Locate points of codimension two in a step, up to one that ends the curve."""
-        changes = [
-            (test, value, after[test])
-            for test, value in before.items()
-            if test in after and value * after[test] < 0.0
-        ]
-        candidates = self.zeros(step, length, changes)
+        candidates = self.zeros(step, length, sign_changes(before, after))
         beyond = [item for item in candidates if self._beyond(item[1], after)]
         if not beyond:
             return LocatedEvents([special for _, _, special in candidates])
@@ -288,7 +290,4 @@ class OrbitBranchPointCurve(BranchPointCurve[ShootingEvaluation, PeriodicOrbit],
         # A second multiplier +1 is not separated from the first.
         named = (MultiplierTest(BRANCH_POINT, name) for name in (MINUS, PAIR))
         tests: Tests = {test: test.of(multipliers) for test in named}
-        for other, value in orbit_tests(self.shooting, point, np.zeros(1)).items():
-            if isinstance(other, MARGIN_TESTS) and other not in self.zero:
-                tests[other] = value
-        return tests
+        return tests | self._other_margins(point)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -589,6 +590,14 @@ def orbit_tests(
     tests += [ClosestApproachTest(kind_of(each), j) for j, each in enumerate(guards)]
     values = {test: test.value(shooting, point, direction) for test in tests}
     return {test: value for test, value in values.items() if value is not None}
+
+
+def sign_changes(
+    before: Mapping[TestFunction, float], after: Mapping[TestFunction, float]
+) -> list[tuple[TestFunction, float, float]]:
+    """Return the test functions with values of different signs at both ends of a step."""
+    pairs = [(test, value, after[test]) for test, value in before.items() if test in after]
+    return [(test, value, end) for test, value, end in pairs if value * end < 0.0]
 
 
 # --- Points of codimension two

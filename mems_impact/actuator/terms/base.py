@@ -44,7 +44,7 @@ __all__ = [
     "Electrode",
     "Function",
     "ParameterIndices",
-    "RateLimit",
+    "RateBound",
     "Term",
     "TermContribution",
     "TermKind",
@@ -92,7 +92,7 @@ class Electrode(NamedTuple):
     side: int
 
 
-class RateLimit(NamedTuple):
+class RateBound(NamedTuple):
     """A limit of the rate of a state at an electrode, whose crossing is an event.
 
     Attributes
@@ -429,7 +429,7 @@ class Term(Checked, ABC):
     @classmethod
     def rate_limit(
         cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
-    ) -> RateLimit | None:
+    ) -> RateBound | None:
         """Return the limit of a rate at a complete electrode, if the term has one."""
         return None
 

@@ -13,7 +13,7 @@ from mems_impact.actuator.terms.base import (
     Electrode,
     Function,
     ParameterIndices,
-    RateLimit,
+    RateBound,
     Shape,
     Term,
     field_energy,
@@ -143,7 +143,7 @@ class SeriesResistance(Term):
     @classmethod
     def rate_limit(
         cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
-    ) -> RateLimit | None:
+    ) -> RateBound | None:
         """Return the limit of the current."""
         limit = indices.p.get("current_limit", -1)
         if limit < 0:
@@ -153,7 +153,7 @@ class SeriesResistance(Term):
             return p[limit]
 
         current = current_of(indices, electrode)
-        return RateLimit("current limit", "charge", ("source", "sink"), current, max_current)
+        return RateBound("current limit", "charge", ("source", "sink"), current, max_current)
 
     @classmethod
     def electrode_energy(
