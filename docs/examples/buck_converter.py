@@ -66,10 +66,9 @@ orbit = mi.find_orbit(run)
 # %%
 # The branches of the orbits of one and of two ramps, over brute force (PD: period doubling).
 
-steps = mi.StepControl(max_step=0.2)
-once = mi.continue_solution(orbit, "E", stop=35.0, steps=steps)
+once = mi.continue_solution(orbit, "E", stop=35.0)
 (doubling,) = once.special_points
-twice = mi.switch_branch(doubling, bounds=(22.0, 35.0), steps=steps)
+twice = mi.switch_branch(doubling, bounds=(22.0, 35.0))
 (again,) = twice.special_points
 sweep = mi.sweep(converter, "E", np.linspace(22.0, 35.0, 131), transient=100, periods=40)
 mi.plot_branch([once, twice], sweep=sweep).figure.savefig("buck_converter_branch.png")

@@ -42,8 +42,7 @@ mi.plot_run(chaos, states=["x", "z"]).figure.savefig("lorenz_run.png")
 # have the units of the states, which are large here.)
 
 cycle = mi.find_orbit(convection, transient=40.0)
-steps = mi.StepControl(initial_step=0.1, max_step=8.0)
-branch = mi.continue_solution(cycle, "rho", stop=28.0, steps=steps)
+branch = mi.continue_solution(cycle, "rho", stop=28.0)
 hidden = branch.orbits[-1]
 print(hidden.period, hidden.multipliers)
 mi.plot_orbit(hidden, x="x", y="z").figure.savefig("lorenz_orbit.png")

@@ -53,9 +53,7 @@ mi.plot_run(run).figure.savefig("relief_valve_run.png")
 
 (steady,) = mi.find_equilibria(valve)
 (hopf,) = mi.continue_solution(steady, "q", stop=6.0).special_points
-cycles = mi.switch_branch(
-    hopf, bounds=(6.0, 9.0), steps=mi.StepControl(max_step=0.3, max_points=900)
-)
+cycles = mi.switch_branch(hopf, bounds=(6.0, 9.0))
 print(cycles.ended)
 print(cycles.special_table[["label", "kind", "criticality", "q"]])
 grazing, flip = cycles.special_points[:2]
@@ -68,19 +66,18 @@ mi.plot_branch(cycles).figure.savefig("relief_valve_branch.png")
 # from the grazing-fold, where the cycle at the fold touches the seat, through a cusp to the Bautin
 # point, where the Hopf bifurcation becomes supercritical.
 
-steps = mi.StepControl(initial_step=0.05, max_step=0.25)
 curves = [
-    mi.continue_curve(special, "kappa", stop, steps=steps)
+    mi.continue_curve(special, "kappa", stop)
     for special in (hopf, grazing, flip)
     for stop in (1.0, 1.4)
 ]
-weak = mi.continue_curve(hopf, "kappa", 1.07, steps=steps).points[-1]
+weak = mi.continue_curve(hopf, "kappa", 1.07).points[-1]
 print(weak.criticality)
-subcritical = mi.switch_branch(weak, bounds=(8.0, 11.0), steps=mi.StepControl(max_step=0.3))
+subcritical = mi.switch_branch(weak, bounds=(8.0, 11.0))
 fold = next(point for point in subcritical.special_points if point.kind == "fold")
 curves += [
-    mi.continue_curve(fold, "kappa", 1.05, steps=steps),
-    mi.continue_curve(fold, "kappa", 1.2, steps=mi.StepControl(max_step=0.25, max_points=100)),
+    mi.continue_curve(fold, "kappa", 1.05),
+    mi.continue_curve(fold, "kappa", 1.2, steps=mi.StepControl(max_points=100)),
 ]
 for curve in curves:
     for point in curve.special_points:

@@ -51,8 +51,7 @@ mi.plot_run(run, first=16, states=["x", "v"]).figure.savefig("sliding_bifurcatio
 # adding-sliding (AS). Each changes the number of sticks or slips, as brute force confirms: dots are
 # runs.
 
-steps = mi.StepControl(max_points=400)
-branch = mi.continue_solution(mi.find_orbit(block, transient=200), "B", stop=2.0, steps=steps)
+branch = mi.continue_solution(mi.find_orbit(block, transient=200), "B", stop=2.0)
 print(branch.special_table[["type", "kind", "B"]])
 dots = mi.sweep(block, "B", np.linspace(0.1, 2.0, 96), transient=200, periods=4)
 axes = mi.plot_branch(branch, sweep=dots)

@@ -75,8 +75,8 @@ mi.plot_orbit(cycle, x="room", y="h").figure.savefig("thermostat_orbit.png")
 # outside the room no longer reaches 21, and the period grows beyond bounds. Brute force is one run
 # per value.
 
-colder = mi.continue_solution(cycle, "outside", stop=-25.0, steps=mi.StepControl(max_points=500))
-warmer = mi.continue_solution(cycle, "outside", stop=18.5, steps=mi.StepControl(max_step=0.5))
+colder = mi.continue_solution(cycle, "outside", stop=-25.0)
+warmer = mi.continue_solution(cycle, "outside", stop=18.5)
 dots = []
 for outside in np.linspace(-25.0, 18.5, 88):
     settled = mi.simulate(house.changed(outside=outside), duration=20.0)

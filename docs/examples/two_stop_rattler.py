@@ -96,8 +96,8 @@ mi.plot_orbit(orbit).figure.savefig("two_stop_rattler_orbit.png")
 # %%
 # Two branches start from this clearance, one in each direction; dots are brute force.
 
-up = mi.continue_solution(orbit, "d", stop=32.0, steps=mi.StepControl(max_step=0.2, max_points=140))
-down = mi.continue_solution(orbit, "d", stop=6.0, steps=mi.StepControl(max_step=0.2))
+up = mi.continue_solution(orbit, "d", stop=32.0, steps=mi.StepControl(max_points=140))
+down = mi.continue_solution(orbit, "d", stop=6.0)
 print(up, down, sep="\n")
 sweep = mi.sweep(box, "d", np.linspace(6.0, 30.0, 121), transient=200, periods=30)
 mi.plot_branch([up, down], sweep=sweep).figure.savefig("two_stop_rattler_branch.png")

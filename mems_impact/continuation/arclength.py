@@ -44,6 +44,7 @@ MIN_SEPARATION_RATIO = 0.01  # least distance of these points, relative to the l
 class StepControl:
     """Control of the step length, in the space of unknowns and parameter.
 
+    Components larger than one count relative to their size.
     The segment of an orbit that moves most counts: steps do not shorten with the number of events.
 
     Attributes
@@ -556,7 +557,7 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         """Return the equations at the states of a point, at another value of a parameter."""
 
     def _discontinuity(self, point: P) -> str:
-        """Return a message if the equations jump in a parameter near a point; else empty.
+        """Return a message if the equations jump or end in a parameter near a point; else empty.
 
         The differences of the derivatives by the parameter reach across a jump, so that errors
         that have other reasons elsewhere end a branch close to it.
@@ -567,8 +568,8 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
                 rate = self.family.at(**values).derivative(name)[0]
                 reach = DISCONTINUITY_DISTANCE / (float(np.abs(rate).max(initial=0.0)) or 1.0)
                 jump = discontinuity(partial(self.rates, point, name), value - reach, value + reach)
-            except CONTINUATION_ERRORS:  # the equations are not defined on both sides
-                continue
+            except CONTINUATION_ERRORS as error:  # the equations are not defined on both sides
+                return reason_of(error, self.family)
             if jump is not None:
                 location = self.family.amount(name, jump)
                 return f"the equations are discontinuous in {name} near {name} = {location}"
@@ -637,7 +638,7 @@ class Continuation(Generic[P, R, E]):
         problem, point, direction = self.problem, self._point, self._direction
         last: tuple[P, Floats] | None = None
         try:
-            size = problem.norm(direction)
+            size = self._size()
             reach = self.steps.within(self.low, self.high, point, direction, self._length / size)
             self._length = reach * size
             corrector = problem.corrector(point)
@@ -742,10 +743,15 @@ class Continuation(Generic[P, R, E]):
             self._length /= 1.5
             self._reduction_reason = f"a correction takes {iterations} Newton steps"
 
+    def _size(self) -> float:
+        """Return the length of the tangent, relative to those components that exceed one."""
+        start = np.concatenate([self._point.unknowns, self._point.values])
+        return self.problem.norm(self._direction / np.maximum(np.abs(start), 1.0))
+
     def _budget_used(self) -> str:
         """Return the message of an exhausted budget of points."""
         value = abs(float(self._point.values[-1]))
-        moved = abs(float(self._direction[-1])) * self._length / self.problem.norm(self._direction)
+        moved = abs(float(self._direction[-1])) * self._length / self._size()
         part, parameter = moved / max(value, moved, TINY), self.problem.parameters[-1]
         return budget_message(self.steps, self._length, self._reduction_reason, parameter, part)
 

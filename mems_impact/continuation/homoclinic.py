@@ -19,6 +19,7 @@ MIN_PERIOD_GROWTH = 2.0  # least ratio of the last period to the shortest one of
 SLOW_SPEED_RATIO = 0.05  # speed, in sizes of the cycle per passage; the mean is above one
 SLOW_RATIO, FAST_RATIO = 3.0, 10.0  # speeds in and between slow passages, in the least speed
 SLOWING_RATIO = 0.7  # largest ratio of the least speeds of a cycle and one of half its period
+REST_SPEED = 1e-9  # speed at an equilibrium, to the errors of integration
 EQUILIBRIUM_DISTANCE = 0.1  # distance of an equilibrium, in sizes of the cycle
 ZERO_RATIO = 1e-12  # component of an equilibrium that counts as zero, in sizes of the cycle
 SEGMENT_SAMPLES = 64  # least number of intervals per segment
@@ -70,7 +71,8 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
         (speed, mode, state, sizes, passages), (before, *_) = (
             _slowest(orbit, float(periods.min())) for orbit in (last, shorter)
         )
-        if not (speed < SLOW_SPEED_RATIO * passages and speed < SLOWING_RATIO * before):
+        slower = speed < max(SLOWING_RATIO * before, REST_SPEED)
+        if not (slower and speed < SLOW_SPEED_RATIO * passages):
             return None
     except CONTINUATION_ERRORS:
         return None

@@ -371,3 +371,17 @@ def test_a_motion_without_impacts_beside_the_attractor_with_impacts_is_named():
     assert mi.find_orbit(ZHAO, drive, guess=mi.kicked_state(ZHAO)).stable
     with pytest.raises(mi.OrbitError, match="the motion from the initial state ends without"):
         locate_crisis(ZHAO, drive, amplitude=0.2, start=mi.State(), periods=100)
+
+
+def test_a_large_parameter_takes_few_steps():
+    stop = mi.Stopper("wall", "x", "v", upper=0.4, law=lambda depth, rate, p: p.k * depth)
+    system = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, 0.8 * math.cos(t) - 0.2 * y.v - y.x),
+        parameters={"k": 400.0},
+        period=2.0 * math.pi,
+        parts=[stop],
+    )
+    branch = mi.continue_solution(mi.find_orbit(system, transient=100), "k", stop=200.0)
+    assert branch.ended == "k reached its bound"
+    assert len(branch.orbits) < 100

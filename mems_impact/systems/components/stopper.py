@@ -79,9 +79,9 @@ class Stopper(Contact):
         Coefficient of restitution, from 0 to 1: a number, a parameter, ``restitution(p)``, or
         ``restitution(speed, p)`` of the impact speed. An `Impact` of your own may add energy.
     law : callable, optional
-        ``law(depth, rate, p)``, the force of a compliant stopper, in place of `restitution`. The
-        contact lasts while the depth is positive. The stopper does not pull: where the law is
-        negative, the force is zero.
+        ``law(depth, rate, p)``, the force of a compliant stopper at a depth >= 0, in place of
+        `restitution`. The contact lasts while the depth is positive. The stopper does not pull:
+        where the law is negative, the force is zero.
     adhesion : float, str or callable, optional
         Pull-off force of a body in contact, >= 0: a number (0 by default), a parameter or a
         function of ``p``. It does no work: its range is zero. On a compliant stopper it acts at all
@@ -221,7 +221,8 @@ class Stopper(Contact):
         slip, adhesion = self.sides(names).slip, names.value("adhesion", self.adhesion)
         found = {}
         for stop in self.stops:
-            depth = f"-{self.gap(names, stop)}".removeprefix("--")
+            # Trial steps beyond the end of a contact have no power of a negative depth.
+            depth = f"max(-{self.gap(names, stop)}, 0.0)".replace("--", "")
             law = names.call(self.law, f"{depth}, {stop.outwards(slip)}, p")
             found[stop.number] = f"{stop.sign}.0 * (max({law}, 0.0) - {adhesion})"
         return found
