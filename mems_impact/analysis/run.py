@@ -163,7 +163,11 @@ class Run(Result):
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
-        """One row per impact: time, guard, states before and after, observables."""
+        """One row per impact.
+
+        Columns: forcing period, time and phase (in [0, 1)) within the period, running time t,
+        guard ("event"), states before and after, observables. Without forcing, the time only.
+        """
         log = self._log("impacts")
         hits = log[log.impacts(self.system.automaton)]
         return run_tables.impacts(hits, self.trajectory.period, self.system, self._observed(hits))
