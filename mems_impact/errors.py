@@ -6,7 +6,7 @@ processes. Every message is one line, because the command line prints it unchang
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import islice
 from os import PathLike, fspath
 from typing import Any
@@ -379,19 +379,16 @@ class RunError(MemsImpactError, RuntimeError):
         self._units: Mapping[str, str] | None = None
         super().__init__(self._message())
 
-    def convert(
-        self, out: Callable[[str, float], float], units: Mapping[str, str], *, forced: bool
-    ) -> None:
+    def convert(self, units: Any, *, forced: bool) -> None:
         """Convert time and state to the units of the user; later calls have no effect.
 
-        `out` converts a value by the name of its quantity, `units` holds the unit of each name;
-        the message counts periods if the system is `forced`.
+        `units` are those of the system; the message counts periods if it is `forced`.
         """
         if self._units is None:
             self._forced = forced
-            self.period = float(out("time", self.period))
-            self.phase_time = float(out("time", self.phase_time))
-            self.state = {name: float(out(name, value)) for name, value in self.state.items()}
+            self.period = float(units.out("time", self.period))
+            self.phase_time = float(units.out("time", self.phase_time))
+            self.state = {name: float(units.out(name, value)) for name, value in self.state.items()}
             self._units = units
             self.args = (self._message(),)
 

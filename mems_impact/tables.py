@@ -92,11 +92,8 @@ class Labels(Protocol):
         """Names of states, modes and guards."""
 
     @property
-    def units(self) -> Mapping[str, str]:
-        """Units by heading; no entry for a pure number."""
-
-    def out(self, heading: str, value: Any) -> Any:
-        """Convert a value from the units of the numerics to the units of the heading."""
+    def units(self) -> Any:
+        """Units by heading, and the conversion of scaled values: `mems_impact.systems.units`."""
 
     @property
     def forced(self) -> bool:
@@ -141,7 +138,7 @@ def table(
     import pandas as pd  # imported on first use, which a run without tables need not wait for
 
     units = {name: unit_of(name, labels.units) for name in (*user_columns, *columns)}
-    displayed = {name: labels.out(name, values) for name, values in columns.items()}
+    displayed = {name: labels.units.out(name, values) for name, values in columns.items()}
     result = pd.DataFrame({**user_columns, **displayed})
     result.attrs = {
         "units": {name: unit for name, unit in units.items() if unit},
@@ -158,7 +155,7 @@ def captions(labels: Labels) -> dict[str, Any]:
     equation: list[Any] = []
     if section is not None:
         name = labels.automaton.states[section[0]]
-        equation = [name, float(labels.out(name, section[1]))]
+        equation = [name, float(labels.units.out(name, section[1]))]
     forced = {} if labels.forced else {"forced": False}
     return {
         "states": list(labels.displayed_states),

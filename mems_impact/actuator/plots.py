@@ -614,7 +614,7 @@ def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, A
         for left in (False, True)[: 1 + (drive.left_voltage is not None)]:
             values = drive.value(time % (2.0 * period), left=left)
             volts.plot(time, values, color=color("voltage"), linestyle=LINES[int(left)])
-        label_axis(volts.yaxis, Label("voltage", "V" if run.system.scales.named else ""))
+        label_axis(volts.yaxis, Label("voltage", "V" if run.system.units.scales.named else ""))
     _draw_contacts(contact, result, end)
     block.set_xlim(0.0, end)
     label_axis(block.yaxis, label_of(samples, "x2", "block in frame $x_2$"))

@@ -261,7 +261,9 @@ class ReportMaker:
             )
         rows = {"waveform": type(self.drive).__name__}
         for name in self.drive.names:
-            rows[name.replace("_", " ")] = self.text(self.drive.number(name), system.unit(name))
+            rows[name.replace("_", " ")] = self.text(
+                self.drive.number(name), system.units.get(name, "")
+            )
         rows["forcing period (of the force)"] = self.text(self.drive.period, "s")
         rows["free oscillations of the block in it"] = amount(_oscillations(system))
         blocks.append(values(rows))
@@ -400,7 +402,7 @@ class ReportMaker:
         best = summary.loc[summary["mean speed"].abs().idxmax()] if len(summary) else None
         facts = {}
         if best is not None and abs(best["mean speed"]) > 0.0:
-            at = self.text(best[name], self.system.unit(name))
+            at = self.text(best[name], self.system.units.get(name, ""))
             facts = {"largest speed": f"{self.text(best['mean speed'], 'm/s')} at {at}"}
         return Content(blocks, facts)
 
@@ -426,7 +428,7 @@ class ReportMaker:
         chains = dict(iter(summary.set_index(name).groupby("direction")))
         chosen = np.linspace(0, len(chains["up"]) - 1, SHOWN_VOLTAGES).round().astype(int)
         for value in chains["up"].index[np.unique(chosen)]:
-            cells = [self.text(value, self.system.unit(name))]
+            cells = [self.text(value, self.system.units.get(name, ""))]
             for column, unit in (("displacement per period", "m"), ("mean speed", "m/s")):
                 cells += [
                     self.text(chains[direction].loc[value, column], unit)

@@ -437,7 +437,7 @@ class ActuatorRun(_OfActuator, Run):
     @property
     def blow_statistics(self) -> BlowStatistics:
         """Statistics of the blows in the window."""
-        measured, scales = self.measured, self.system.scales
+        measured, scales = self.measured, self.system.units.scales
         still = measured.blows == 0 and measured.displacement_per_period == 0.0
         return BlowStatistics(
             count=measured.blows,
@@ -487,7 +487,7 @@ class ActuatorOrbit(_OfActuator, Orbit):
     def impact_speeds(self) -> list[float]:
         """The speed of the block in each impact."""
         speeds = np.abs(self._hits.before[:, V2])
-        return list(self.system.out("impact speed", speeds).tolist())
+        return list(self.system.units.out("impact speed", speeds).tolist())
 
     @property
     def _hits(self) -> Events:

@@ -83,7 +83,7 @@ def _parts(system: ActuatorSystem) -> dict[str, Any]:
     return {
         "actuator": actuator_parts(system.actuator),
         "drive": table_of(system.drive),
-        "scales": system.scales,
+        "scales": system.units.scales,
         "description": describe(system, system.functions) if has_functions else None,
     }
 

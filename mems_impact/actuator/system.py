@@ -72,6 +72,7 @@ from mems_impact.systems import arguments
 from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.observables import Observable, Quantity
 from mems_impact.systems.state import State, state_from
+from mems_impact.systems.units import Units
 from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
 
 __all__ = [
@@ -155,33 +156,16 @@ class ActuatorNumerics(HybridSystem):
         """The parameter of the drive's frequency: "frequency" [Hz], or "omega" [rad/s]."""
         return "frequency" if "frequency" in self._drive_names else "omega"
 
-    @property
-    def is_scaled(self) -> bool:
-        """True: the variables are scaled."""
-        return True
-
-    @property
-    def scales(self) -> Scales:
-        """The units of the scaled variables."""
-        return self._scales
-
     @cached_property
-    def units(self) -> Mapping[str, str]:
+    def units(self) -> Units:
         """SI units of parameters and columns; empty for a dimensionless device."""
-        if self._scales is DIMENSIONLESS:
-            return {}
-        kinds = {"V": self.drive_unit}
-        of_drive = {name: self.drive.unit(name) for name in self._drive_names}
-        of_drive = {name: kinds.get(unit, unit) for name, unit in of_drive.items()}
-        return {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
-
-    def margin_amount(self, guard: str, value: float, *, rate: bool = False) -> str:
-        """Return the margin of a guard, or its rate, in the units of the device, as text."""
-        unit = MARGIN_UNITS.get(guard, "")
-        factor = self.scales.unit(unit) if unit else 1.0  # a switch of the drive has no margin
-        factor /= self.scales.unit("s") if rate else 1.0
-        unit += "/s" if rate and unit else ""
-        return f"{value * factor:.3g} {unit if self.scales.named else ''}".rstrip()
+        names: dict[str, str] = {}
+        if self._scales is not DIMENSIONLESS:
+            kinds = {"V": self.drive_unit}
+            of_drive = {name: self.drive.unit(name) for name in self._drive_names}
+            of_drive = {name: kinds.get(unit, unit) for name, unit in of_drive.items()}
+            names = {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
+        return Units(names, self._scales, margin_names=MARGIN_UNITS)
 
     @cached_property
     def _term_units(self) -> dict[str, str]:
@@ -211,7 +195,7 @@ class ActuatorNumerics(HybridSystem):
         """Return the system at other, validated values of some parameters."""
         for name in values:
             self.check_parameter(name)
-        numbers = {name: self.without_unit(name, value) for name, value in values.items()}
+        numbers = {name: self.units.parse(name, value) for name, value in values.items()}
         drive_values, actuator_values, term_values = self._sorted(numbers)
         drive = self.drive.varied(drive_values) if drive_values else self.drive
         if term_values:
@@ -313,7 +297,7 @@ class ActuatorNumerics(HybridSystem):
             inner = self._scales.into(value, unit) if unit else value
             device[PARAMETER_NAMES.index(name)] = inner
         for name, value in of_terms.items():
-            device[self._term_indices[name]] = self.into(name, value)
+            device[self._term_indices[name]] = self.units.into(name, value)
         if self.source is self.drive:
             q, period, switches, scale = self.drive.numbers(of_drive, self._drive_scales)
         else:
@@ -568,7 +552,7 @@ class ActuatorSystem(ActuatorNumerics):
         if len(before.parameters) != len(after.parameters) or before[1:] != after[1:]:
             return False
         changed = np.flatnonzero(before.parameters != after.parameters).tolist()
-        return changed == [place] and after.parameters[place] == other / self.factor(name)
+        return changed == [place] and after.parameters[place] == other / self.units.factor(name)
 
     @property
     def initial(self) -> State:
@@ -711,7 +695,7 @@ class ActuatorSystem(ActuatorNumerics):
             delta = 0.5 * (delta + self.actuator.d)  # beyond, the electrode's force is frozen
         if not abs(x2) <= delta:
             where = "halfway from stopper to electrode" if self._yields else "the stoppers"
-            limits = f"-{delta:g} and {delta:g}{' m' if self.scales.named else ''}"
+            limits = f"-{delta:g} and {delta:g}{' m' if self.units.scales.named else ''}"
             raise InvalidParameter("x2", x2, f"between {where} at {limits}")
         if state.mode is not None:
             self._check_mode(state)
@@ -736,11 +720,11 @@ class ActuatorSystem(ActuatorNumerics):
     def state_of(self, instant: HybridState) -> State:
         """Return an instant as a state in the device's units."""
         values = {
-            name: self.out(name, value)
+            name: self.units.out(name, value)
             for name, value in zip(self.states, instant.y.tolist(), strict=True)
         }
-        time = float(self.scales.out(instant.time, "s"))
-        if self.scales is not DIMENSIONLESS:
+        time = float(self.units.scales.out(instant.time, "s"))
+        if self.units.scales is not DIMENSIONLESS:
             # Scaling may round a block on its stopper, or the end of a period, to just beyond it.
             delta, last = self.actuator.delta, math.nextafter(self.forcing_period, 0.0)
             if not self._yields:
@@ -911,13 +895,13 @@ class ImportedSystem(ActuatorSystem):
         others = [name for name in inputs if name not in VOLTAGES]
         model = HybridSystem.export_model(self, others, initial, options)
         first = len(self._device)
-        unit = self.drive_unit if self.scales.named else ""
+        unit = self.drive_unit if self.units.scales.named else ""
         voltages = tuple(
             ExportedNumber(
                 name=name,
                 value=value,
                 unit=unit,
-                factor=self.scales.unit(self.drive_unit),
+                factor=self.units.scales.unit(self.drive_unit),
                 index=first + index,
                 rate_index=first + rate,
             )
@@ -1046,8 +1030,8 @@ class EndedSystem(ActuatorSystem):
     def automaton(self) -> Automaton:
         """The automaton of the actuator with an additional guard."""
         base, numbers = super().automaton, super().numbers()
-        units = [float(self.out(name, 1.0)) for name in base.states]
-        scales = self.scales
+        units = [float(self.units.out(name, 1.0)) for name in base.states]
+        scales = self.units.scales
         kinds = (PARAMETER_UNITS.get(name) for name in PARAMETER_NAMES)
         sizes = [float(scales.out(1.0, unit)) if unit else 1.0 for unit in kinds]
         time, count = float(scales.out(1.0, "s")), len(numbers.parameters)

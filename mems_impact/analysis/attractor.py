@@ -267,7 +267,7 @@ def _followed(
             observed=system.observed,
         )
 
-    unit = float(system.out("time", problem.period)) / _length_unit(system, problem)
+    unit = float(system.units.out("time", problem.period)) / _length_unit(system, problem)
     total, length = recurrence.transient + recurrence.periods, recurrence.periods / unit
     transient, longer = (
         max(0.0, times * total - recurrence.periods) / unit
@@ -318,7 +318,7 @@ def _followed(
         for i, ((case, at, _), each) in enumerate(zip(batch, results, strict=True)):
             if math.isnan(each.exponent):
                 continue
-            period = float(case.system.out("time", at.period))
+            period = float(case.system.units.out("time", at.period))
             kind = classify(each.exponent * period, each.error * period)
             unsure = each.motion == UNSETTLED and not math.isnan(each.error)
             if each.motion in (UNSETTLED, OFF) and not each.period and kind == PERIODIC:
@@ -592,7 +592,7 @@ def span_of(system: HybridSystem, length: float, options: Options) -> dict[str, 
 def _length_unit(system: HybridSystem, problem: Problem) -> float:
     """Return the unit of lengths in `RecurrenceOptions` in time: period, time scale, or 1."""
     has_unit = system.forced or problem.time_scale is not None
-    return float(system.out("time", problem.period)) if has_unit else 1.0
+    return float(system.units.out("time", problem.period)) if has_unit else 1.0
 
 
 def _same_structure(one: Problem, other: Problem) -> bool:

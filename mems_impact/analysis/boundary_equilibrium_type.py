@@ -70,9 +70,9 @@ class BoundaryType(str):
 def boundary_type(system: HybridSystem, special: EquilibriumEvent, parameter: str) -> BoundaryType:
     """Return the type of a boundary equilibrium; see `SpecialPoint.type`."""
     crossing = boundary_crossing(special, parameter)
-    guards, unit = system.automaton.guards, system.factor(parameter)
+    guards, unit = system.automaton.guards, system.units.factor(parameter)
     first, second = (
-        slope * system.margin_unit(guards[guard].name) / unit
+        slope * system.units.margin_factor(guards[guard].name) / unit
         for slope, guard in zip(crossing.slopes, crossing.guards, strict=True)
     )
     names = system.modes

@@ -148,7 +148,7 @@ class ContinuationResult(Result, Generic[S]):
     @property
     def _subject_rows(self) -> dict[str, Any]:
         """The same in the summary."""
-        return {self.system.label(self.parameter): self._range}
+        return {self.system.units.label(self.parameter): self._range}
 
     @property
     def _range(self) -> str:
@@ -215,7 +215,7 @@ class Branch(ContinuationResult[S]):
         points: list[Any] = list(self.numeric.points)
         rows = [
             {
-                "value": float(self.system.out(self.parameter, point.value)),
+                "value": float(self.system.units.out(self.parameter, point.value)),
                 **row(solution, **({"piece": point.piece} if self.of == "orbits" else {})),
             }
             for point, solution in zip(points, self.solutions, strict=True)
@@ -385,9 +385,9 @@ def _follower(
     kinds = {*labels, *labels.values(), *names}
     tests = EventFunction.tests(events, start, parameter, kinds)
     stops = _stops(stop_at, labels, [*names, *(test.kind for test in tests)])
-    low, high = (system.into(parameter, bound) for bound in bounds)
-    amount = partial(system.out, parameter)
-    with parameter_progress(progress, system.label(parameter), noun, amount) as report:
+    low, high = (system.units.into(parameter, bound) for bound in bounds)
+    amount = partial(system.units.out, parameter)
+    with parameter_progress(progress, system.units.label(parameter), noun, amount) as report:
 
         def followed(
             solution: Any, direction: float | Floats, steps: StepControl
@@ -506,7 +506,7 @@ def switch_branch(
         location = _amount(system, parameter, special.value)
         allowed = f"smallest and largest value, with {location} between them"
         raise InvalidParameter("bounds", (low, high), allowed)
-    limits = system.into(parameter, low), system.into(parameter, high)
+    limits = system.units.into(parameter, low), system.units.into(parameter, high)
     starts, event = switched_solutions(special.numeric, parameter, *limits)
     start = solution_of(system, starts[0][0])
     sides: list[Branch[Any]] = []
@@ -576,12 +576,12 @@ def warn_of_corners(system: HybridSystem, branch: OrbitBranch) -> None:
             continue
         names.add(name)
         at = ", ".join(
-            f"{system.label(state)} = {float(system.out(state, value)):.6g}"
+            f"{system.units.label(state)} = {float(system.units.out(state, value)):.6g}"
             for state, value in zip(system.states, corner.y.tolist(), strict=True)
         )
         message = (
             f"{name} is not smooth near {at}, which the branch meets near {parameter} = "
-            f"{float(system.out(parameter, corner.value)):.6g}: no special point is located there; "
+            f"{system.units.out(parameter, corner.value):.6g}: no special point is located there; "
             "let each path of the function be a mode of its own, with a guard between them"
         )
         warn(message, DiscontinuityWarning)
@@ -591,9 +591,9 @@ def _beyond_bounds(system: HybridSystem, branch: OrbitBranch) -> str:
     """Return that the period of cycles diverges, and the state at which they are slow."""
     passage = branch.passage
     assert passage is not None
-    shortest, last = (f"{system.out('time', period):.4g}" for period in passage.periods)
+    shortest, last = (f"{system.units.out('time', period):.4g}" for period in passage.periods)
     location = ", ".join(
-        f"{system.label(name)} = {system.out(name, value):.4g}"
+        f"{system.units.label(name)} = {system.units.out(name, value):.4g}"
         for i, (name, value) in enumerate(zip(system.states, passage.state.tolist(), strict=True))
         if i not in system.automaton.cyclic
     )
@@ -616,7 +616,7 @@ def _homoclinic_end(system: HybridSystem, branch: OrbitBranch) -> HomoclinicEnd 
     pair = None if saddle is None else leading(saddle.eigenvalues)
     if passage is None or saddle is None or pair is None or len(branch.points) < MIN_EXTRAPOLATED:
         return None
-    values = np.array([system.out(branch.parameter, point.value) for point in branch.points])
+    values = np.array([system.units.out(branch.parameter, point.value) for point in branch.points])
     periods = np.array([point.solution.point.period for point in branch.points])
     rate = min(abs(float(each[0].real)) for each in pair)
     value, error = homoclinic_value(values, periods / passage.passages, rate)
@@ -664,7 +664,7 @@ def _ends(system: HybridSystem, parameter: str, stop: Any, back: Any) -> tuple[A
     """Return the two arguments of a continuation as numbers, if they are texts with units."""
     system.check_parameter(parameter)
     ends = {"stop": stop, "back": back}
-    stop, back = (system.without_unit(parameter, value, name) for name, value in ends.items())
+    stop, back = (system.units.parse(parameter, value, name) for name, value in ends.items())
     return stop, back
 
 
@@ -688,7 +688,7 @@ def check_bounds(
 
 
 def _amount(system: HybridSystem, parameter: str, value: float) -> str:
-    return f"{value:g} {system.unit(parameter)}".rstrip()
+    return f"{value:g} {system.units.get(parameter, '')}".rstrip()
 
 
 def checked_range(
@@ -697,7 +697,7 @@ def checked_range(
     """Return the bounds of a parameter as numbers, the lower one first."""
     if not isinstance(bounds, tuple | list) or len(bounds) != 2:
         raise InvalidParameter("bounds", bounds, f"the lowest and the highest {parameter}")
-    low, high = (system.without_unit(parameter, each, "bounds") for each in bounds)
+    low, high = (system.units.parse(parameter, each, "bounds") for each in bounds)
     for value in (low, high):
         check_value(system, parameter, "bounds", value)
     if not low < high:
@@ -764,7 +764,7 @@ class Curve(ContinuationResult[S]):
         numeric, parameter = self.numeric, self.parameters[0]
         if not isinstance(numeric, EquilibriumCurve):
             return ()
-        low, high = (float(self.system.out(parameter, bound)) for bound in numeric.bounds)
+        low, high = (float(self.system.units.out(parameter, bound)) for bound in numeric.bounds)
         return tuple(
             special_point(each.system, parameter, branch_event(numeric, each.numeric), (low, high))
             for each in self.equilibria
@@ -776,7 +776,7 @@ class Curve(ContinuationResult[S]):
 
     @property
     def _subject_rows(self) -> dict[str, Any]:
-        names = ", ".join(map(self.system.label, self.parameters))
+        names = ", ".join(map(self.system.units.label, self.parameters))
         return {"kind": self.kind, "parameters": names}
 
     @property
@@ -794,7 +794,7 @@ class Curve(ContinuationResult[S]):
         The columns are as in `Branch.table`.
         """
         first, second = self.parameters
-        out, rows = self.system.out, []
+        out, rows = self.system.units.out, []
         for each in self.solutions:
             at = each.numeric.family.values
             rows.append({"values": [out(name, at[name]) for name in (second, first)], **row(each)})
@@ -907,14 +907,14 @@ def continue_curve(
     stop, back = _ends(system, parameter, stop, back)
     bounds = check_bounds(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
-    low, high = (system.into(parameter, bound) for bound in bounds)
+    low, high = (system.units.into(parameter, bound) for bound in bounds)
     noun = "equilibria" if start is None else "orbits"
     with parameter_progress(
-        progress, system.label(parameter), noun, partial(system.out, parameter)
+        progress, system.units.label(parameter), noun, partial(system.units.out, parameter)
     ) as report:
         if start is None:
             assert isinstance(special, SpecialPoint)
-            lowest, highest = (system.into(first, bound) for bound in special.bounds)
+            lowest, highest = (system.units.into(first, bound) for bound in special.bounds)
             found: OrbitCurve | EquilibriumCurve = follow_equilibrium_curve(
                 special.equilibrium.numeric,
                 EquilibriumCurve(
@@ -969,7 +969,7 @@ def curve_of(system: HybridSystem, curve: OrbitCurve | EquilibriumCurve) -> Curv
         CodimensionTwo(
             kind=s.kind,
             values={
-                name: system.out(name, value)
+                name: system.units.out(name, value)
                 for name, value in zip(curve.parameters, s.values, strict=True)
             },
             solution=solution_of(system, s.solution),

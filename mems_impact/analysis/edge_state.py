@@ -194,7 +194,7 @@ class _Tracking:
         least = 1e3 * self.options.atol / self.options.rtol
         names = {i: self.system.states[i] for i in self.free}
         sizes = {
-            name: max(float(largest[i]), float(self.system.out(name, least)))
+            name: max(float(largest[i]), float(self.system.units.out(name, least)))
             for i, name in names.items()
         }
         return same_attractor(self.system, one, other, sizes)
@@ -325,7 +325,7 @@ def edge_state(
     problem = system.problem(options)
     length = 1.0
     if not system.forced:
-        length = float(system.into("time", 1.0 if step is None else step)) / problem.period
+        length = float(system.units.into("time", 1.0 if step is None else step)) / problem.period
     tracking = _Tracking(system, recurrence, options, problem, length)
     one, other = (
         system.hybrid_state(each, problem, field=name)

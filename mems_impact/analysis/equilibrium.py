@@ -93,7 +93,7 @@ class Equilibrium(Result):
 
         The zero eigenvalues of a continuum are omitted (see `nullity`).
         """
-        return self.numeric.eigenvalues / self.system.out("time", 1.0)
+        return self.numeric.eigenvalues / self.system.units.out("time", 1.0)
 
     @property
     def nullity(self) -> int:
@@ -253,7 +253,7 @@ def checked_box(
         if name not in system.states:
             raise InvalidParameter("box", name, f"one of {', '.join(system.states)}")
         field = f"box[{name!r}]"
-        ends = system.without_unit(name, pair, field)
+        ends = system.units.parse(name, pair, field)
         is_pair = isinstance(ends, tuple | list) and len(ends) == 2 and all(map(is_number, ends))
         if not is_pair or not ends[0] < ends[1]:
             raise InvalidParameter(field, pair, "a lower and a higher number")
@@ -264,7 +264,9 @@ def checked_box(
 def _inside(system: HybridSystem, y: Floats, box: Mapping[str, tuple[float, float]]) -> bool:
     """Return whether a state lies in the box of the search."""
     values = dict(zip(system.states, y.tolist(), strict=True))
-    return all(low <= system.out(name, values[name]) <= high for name, (low, high) in box.items())
+    return all(
+        low <= system.units.out(name, values[name]) <= high for name, (low, high) in box.items()
+    )
 
 
 def _between(
@@ -276,7 +278,7 @@ def _between(
     from scipy.stats import qmc
 
     indices = [system.states.index(name) for name in box]
-    low, high = ([system.into(name, ends[i]) for name, ends in box.items()] for i in (0, 1))
+    low, high = ([system.units.into(name, ends[i]) for name, ends in box.items()] for i in (0, 1))
     sobol = qmc.Sobol(len(indices), scramble=False, seed=SEED)
     # Sobol sequences need a power of two; the first point is a corner.
     sample = sobol.random(1 << (samples - 1).bit_length())[:samples]

@@ -81,7 +81,7 @@ class HomoclinicEnd(Result):
     def summary(self) -> dict[str, Any]:
         """Return the value of the parameter, the saddle and the cycles that bifurcate."""
         return {
-            self.system.label(self.parameter): self.value,
+            self.system.units.label(self.parameter): self.value,
             "error": self.error,
             "saddle": repr(self.saddle.state),
             "saddle quantity": self.saddle_quantity,

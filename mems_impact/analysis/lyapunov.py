@@ -147,7 +147,7 @@ class LyapunovSpectrum(Result):
 
     def summary(self) -> dict[str, Any]:
         """Return the exponents, the kind of motion, and which zero exponents are not listed."""
-        unit = self.system.unit("time")
+        unit = self.system.units.get("time", "")
         return {
             "system": repr(self.system),
             f"exponents [1/{unit}]" if unit else "exponents": ", ".join(self._exponent_texts()),
@@ -311,11 +311,11 @@ def lyapunov(
             raise InvalidParameter("periods", periods, "", problem=other)
         max_periods = float(periods)
     elif duration is not None:
-        max_periods = float(system.into("time", duration)) / problem.period
+        max_periods = float(system.units.into("time", duration)) / problem.period
     start = _start(system, problem, initial, transient, options)
     with progress_bar(progress, "periods", max_periods, "Lyapunov exponents") as report:
         spectrum = _run_to_tolerance(system, problem, start, count, max_periods, tolerance, report)
-    if not system.is_scaled and spectrum._differences:
+    if not system.units.is_scaled and spectrum._differences:
         sizes = np.abs(start.y)
         sizes[list(problem.automaton.cyclic)] = math.nan  # perturbations have no such components
         warn_if_below_differences(system.states, sizes, lambda: run(problem, start, 2.0))
@@ -330,7 +330,7 @@ def _start(
     options: Options,
 ) -> HybridState:
     """Return the state at the end of the transient."""
-    unit = 1.0 if system.forced else float(system.out("time", problem.period))
+    unit = 1.0 if system.forced else float(system.units.out("time", problem.period))
     length = TRANSIENT * unit if transient is None else float(transient)
     if length == 0.0:
         start = system.hybrid_state(initial, problem)
@@ -354,7 +354,12 @@ def _run_to_tolerance(
     """Continue until the errors reach the tolerance, or for the largest number of periods."""
     chunk = max(1, min(CHUNK, int(max_periods) // (MIN_CHUNKS + 1)))
     stretching = LyapunovIntegrator(
-        problem, start, count, chunk=chunk, uneven=not system.forced, balanced=not system.is_scaled
+        problem,
+        start,
+        count,
+        chunk=chunk,
+        uneven=not system.forced,
+        balanced=not system.units.is_scaled,
     )
     done = 0.0
 
@@ -388,7 +393,7 @@ def _spectrum(
     system: HybridSystem, problem: Problem, stretching: LyapunovIntegrator, converged: bool
 ) -> LyapunovSpectrum:
     """Return the spectrum so far, in the system's units, largest exponent first."""
-    result, period = stretching.result, float(system.out("time", problem.period))
+    result, period = stretching.result, float(system.units.out("time", problem.period))
     order = np.argsort(-result.per_period, kind="stable")
     spectrum = LyapunovSpectrum(
         system=system,

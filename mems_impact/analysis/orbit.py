@@ -60,7 +60,7 @@ def sentence(system: HybridSystem, orbit: PeriodicOrbit, defect: AdmissibilityVi
     """Return a description of a defect of an orbit, in the system's units."""
     segment, modes = orbit.segments[defect.segment], system.modes
     location = f"segment {defect.segment} ({modes[segment.mode]})"
-    value = system.margin_amount(defect.guard, defect.value, rate=defect.kind == "reversed")
+    value = system.units.margin_amount(defect.guard, defect.value, rate=defect.kind == "reversed")
     match defect.kind:
         case "missed":
             return f"{location} passes the margin of {defect.guard} without the event, by {value}"
@@ -69,7 +69,9 @@ def sentence(system: HybridSystem, orbit: PeriodicOrbit, defect: AdmissibilityVi
         case "mode":
             return f"{location} ends with a {defect.guard} into {modes[int(defect.value)]}"
         case "order":
-            return f"{location} ends before it starts, by {system.amount('time', -defect.value)}"
+            return (
+                f"{location} ends before it starts, by {system.units.amount('time', -defect.value)}"
+            )
     return f"{location}: {defect.guard}, {defect.kind}, {value}"
 
 
@@ -135,7 +137,7 @@ class Orbit(Result):
     def summary(self) -> dict[str, Any]:
         """Return its parameters and state, its stability and its admissibility."""
         largest = self.multipliers[:3].tolist()
-        lasts = self.system.scales.label("period", self.system.unit("time"))
+        lasts = self.system.units.scales.label("period", self.system.units.get("time", ""))
         return {
             "system": repr(self.system),
             **({"periods": self.periods} if self.system.forced else {lasts: self.period}),
@@ -150,7 +152,7 @@ class Orbit(Result):
     @property
     def period(self) -> float:
         """The forcing period (see `periods`), or the period of a limit cycle."""
-        return float(self.system.out("time", self.numeric.point.period))
+        return float(self.system.units.out("time", self.numeric.point.period))
 
     @property
     def options(self) -> Options:
@@ -209,7 +211,7 @@ class Orbit(Result):
         """The change of each cyclic state over the orbit."""
         cyclic = (self.system.states[i] for i in self.system.automaton.cyclic)
         return {
-            name: self.system.out(name, float(gain))
+            name: self.system.units.out(name, float(gain))
             for name, gain in zip(cyclic, self.numeric.advance, strict=True)
         }
 
@@ -221,12 +223,12 @@ class Orbit(Result):
         """
         guards = self.system.automaton.guards
         gaps = [i for i, guard in enumerate(guards) if guard.impact]
-        units = np.array([self.system.margin_unit(guards[i].name) for i in gaps])
+        units = np.array([self.system.units.margin_factor(guards[i].name) for i in gaps])
         minima = (arc.minima[gaps] * units for arc in self.numeric.point.arcs)
         smallest = min(float(gap.min(initial=math.inf)) for gap in minima)
         if not math.isfinite(smallest):
             return math.nan
-        return float(self.system.out("closest approach", smallest))
+        return float(self.system.units.out("closest approach", smallest))
 
     @cached_property
     def events(self) -> pd.DataFrame:
@@ -336,8 +338,8 @@ class Orbit(Result):
     def impact_speeds(self) -> list[float]:
         """The closing speed of the bodies in each impact: the rate of the gap."""
         guards = self.system.automaton.guards
-        m, time = len(guards), float(self.system.factor("time"))
-        units = [self.system.margin_unit(guard.name) / time for guard in guards]
+        m, time = len(guards), float(self.system.units.factor("time"))
+        units = [self.system.units.margin_factor(guard.name) / time for guard in guards]
         hits = (
             (segment.guard(m), event)
             for segment, event in zip(self.numeric.segments, self.numeric.point.events, strict=True)
@@ -365,7 +367,7 @@ class Orbit(Result):
                     self.system.evaluate_observable(each, y, self._problem) for y in (first, last)
                 )
                 values[each.name] = end - begin
-        return {name: float(self.system.out(name, value)) for name, value in values.items()}
+        return {name: float(self.system.units.out(name, value)) for name, value in values.items()}
 
     @cached_property
     def shown_states(self) -> dict[str, Floats]:
@@ -382,7 +384,7 @@ class Orbit(Result):
         indices = [self.system.states.index(name) for name in self.system.displayed_states]
         falling = -np.sort(-y[:, indices], axis=0)
         return {
-            name: np.asarray(self.system.out(name, values))
+            name: np.asarray(self.system.units.out(name, values))
             for name, values in zip(self.system.displayed_states, falling.T, strict=True)
         }
 
@@ -586,8 +588,8 @@ def find_orbit(
             solution = orbit_search.find_cycle(
                 family,
                 start,
-                period=None if period is None else float(system.into("time", period)),
-                transient=float(system.into("time", transient)),
+                period=None if period is None else float(system.units.into("time", period)),
+                transient=float(system.units.into("time", transient)),
             )
     except (OrbitError, RunError) as error:
         cause = _diverged(error, system, problem)
@@ -619,7 +621,7 @@ def find_orbit(
             "give a longer transient, or a guess with the events of an orbit",
             orbit,
         )
-    if not system.is_scaled and orbit._differences:
+    if not system.units.is_scaled and orbit._differences:
         _check_sizes(system, solution)
     return orbit
 
@@ -649,8 +651,8 @@ def _diverged(
         return None
     name, state = system.states[index], system.state_of(at)
     elapsed = at.cycle * problem.period + at.time
-    location = f"{name} = {system.amount(name, at.y[index])}"
-    when = f" at t = {system.amount('time', elapsed)}" if elapsed > 0.0 else " in the guess"
+    location = f"{name} = {system.units.amount(name, at.y[index])}"
+    when = f" at t = {system.units.amount('time', elapsed)}" if elapsed > 0.0 else " in the guess"
     return OrbitError(f"{DIVERGED}: {location}{when}", UNBOUNDED_REMEDY, state)
 
 
@@ -659,21 +661,24 @@ def _drifting(
 ) -> OrbitError | None:
     """Return an error that states which states grow without bound; None if none does."""
     names = system.states
-    units = np.array([float(system.into(name, 1.0)) for name in names])
+    units = np.array([float(system.units.into(name, 1.0)) for name in names])
     try:
         if transient > 0.0:
-            start = run(problem, start, transient if system.forced else
-                        float(system.into("time", transient)) / problem.period).final  # fmt: skip
+            if not system.forced:
+                transient = float(system.units.into("time", transient)) / problem.period
+            start = run(problem, start, transient).final
         drift = drift_of(problem, start, units, forced=system.forced)
     except RunError:
         return None
     if drift is None:
         return None
-    each = 1.0 if system.forced else float(system.out("time", problem.period))
+    each = 1.0 if system.forced else float(system.units.out("time", problem.period))
     grows = []
     for index, rate in zip(drift.places, drift.rates, strict=True):
         name = names[index]
-        gain = f"{abs(system.out(name, rate)) / each:.4g} {system.unit(name)}".rstrip()
+        gain = (
+            f"{abs(system.units.out(name, rate)) / each:.4g} {system.units.get(name, '')}".rstrip()
+        )
         grows.append(f"{name} {'grows' if rate > 0.0 else 'falls'} by {gain}")
     listed = [names[index] for index in drift.places]
     pronoun, together = "it" if len(listed) == 1 else "them", " and ".join(listed)

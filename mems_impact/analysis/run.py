@@ -148,7 +148,9 @@ class Run(Result):
     def end(self) -> float:
         """The time at the end; ``start`` of a run that continues this run."""
         final = self.trajectory.final
-        return float(self.system.out("time", final.cycle * self.trajectory.period + final.time))
+        return float(
+            self.system.units.out("time", final.cycle * self.trajectory.period + final.time)
+        )
 
     @property
     def final(self) -> State:
@@ -275,7 +277,7 @@ class Run(Result):
         try:
             again = integrate(problem, self.trajectory.start, self.periods)
         except RunError as error:
-            self.system.convert(error)
+            error.convert(self.system.units, forced=self.system.forced)
             raise
         return compare(self.trajectory, again, self.options.rtol, self.system)
 
@@ -327,7 +329,7 @@ class Run(Result):
         """Unit of the arguments: forcing periods, or the unit of time of an autonomous system."""
         if self.system.forced:
             return 1.0
-        return float(self.system.out("time", self.trajectory.period))
+        return float(self.system.units.out("time", self.trajectory.period))
 
     def _state_at(self, border: int) -> Floats:
         """Return the state at the start (0) or end (1) of the window."""
@@ -345,7 +347,7 @@ class Run(Result):
         try:
             return integrate(problem, anchor, wait, consume=lambda _: None).final.y
         except RunError as error:
-            self.system.convert(error)
+            error.convert(self.system.units, forced=self.system.forced)
             raise
 
     def _observed(self, log: Events) -> dict[str, Floats]:

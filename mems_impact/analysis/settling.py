@@ -171,7 +171,7 @@ class Settling(SummaryRepr):
     def remaining(self, name: str) -> float:
         """Return a bound of the distance of a statistic from its limit; NaN if undefined."""
         row = self.rows.get(name)
-        return math.nan if row is None else float(self.system.out(name, row.remaining))
+        return math.nan if row is None else float(self.system.units.out(name, row.remaining))
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -182,7 +182,7 @@ class Settling(SummaryRepr):
         columns: dict[str, Any] = {"statistic": names}
         for name in ("value", "limit", "error"):
             columns[name] = [
-                self.system.out(each, getattr(row, name)) for each, row in self.rows.items()
+                self.system.units.out(each, getattr(row, name)) for each, row in self.rows.items()
             ]
         columns["kind"] = [row.kind for row in self.rows.values()]
         return pd.DataFrame(columns)
@@ -223,7 +223,7 @@ def settling_of(
             rows[name] = blocks.row(name, value, table, parts, mean)
     kinds = {row.kind for row in rows.values()}
     kind = next((each for each in (CHANGING, UNKNOWN, FLUCTUATING) if each in kinds), SETTLED)
-    unit = 1.0 if system.forced else float(system.out("time", trajectory.period))
+    unit = 1.0 if system.forced else float(system.units.out("time", trajectory.period))
     length = max((row.periods for row in rows.values()), default=blocks.end)
     return Settling(kind=kind, periods=_rounded_up(length * unit), system=system, rows=rows)
 

@@ -179,7 +179,7 @@ def simulate(
         problem = system.problem(options)
     begin = system.hybrid_state(initial, problem, start=start)
     check_start_side(system, problem, begin)
-    unit = 1.0 if system.forced else float(system.out("time", problem.period))
+    unit = 1.0 if system.forced else float(system.units.out("time", problem.period))
     bounded = periods is not None or duration is not None
     periods = _length(system, periods, duration, until, problem.period)
     if keep not in get_args(Keep):
@@ -190,7 +190,7 @@ def simulate(
     gatherer, recorder = gather(), EventRecorder()
     timed = system.forced or problem.time_scale is not None
     chosen = (
-        None if system.is_scaled else SizeMonitor(options, begin, timed=timed),
+        None if system.units.is_scaled else SizeMonitor(options, begin, timed=timed),
         mode_monitor(system, problem, [begin]),
         system.validity(problem, begin),
         recorder if keep == "events" else gatherer,
@@ -254,14 +254,14 @@ def _length(
     period: float,
 ) -> float:
     """Return the length of a run in periods of the problem."""
-    duration = system.without_unit("time", duration, "duration")
+    duration = system.units.parse("time", duration, "duration")
     for field, value in (("periods", periods), ("duration", duration)):
         if value is not None and not (is_number(value) and value > 0.0):
             raise InvalidParameter(field, value, "a finite number > 0")
     if duration is not None:
         if periods is not None:
             raise InvalidParameter("duration", duration, "None where periods is given")
-        return float(system.into("time", duration)) / period
+        return float(system.units.into("time", duration)) / period
     if system.forced:
         return float(DEFAULT_PERIODS_FORCED if periods is None else periods)
     if periods is not None:

@@ -113,13 +113,13 @@ def sliding_type(system: HybridSystem, special: OrbitEvent) -> SlidingType:
         "surfaces": tuple(system.automaton.guards[j].name for j in event.guards),
         "modes": (names[begin], names[end]),
         "state": system.state_of(instant),
-        "time": float(system.out("time", event.time)),
+        "time": float(system.units.out("time", event.time)),
     }
     tangency = event.tangency
     if tangency is None:
         return SlidingType(event.type, **location)
-    time = system.factor("time")
-    unit = system.margin_unit(system.automaton.guards[tangency.guard].name)
+    time = system.units.factor("time")
+    unit = system.units.margin_factor(system.automaton.guards[tangency.guard].name)
     first, other = (rate * unit / time for rate in tangency.rates)
     numbered = (tangency.tangent, tangency.other, tangency.sliding)
     tangent, across, sliding = (names[mode] if mode != NONE else "" for mode in numbered)

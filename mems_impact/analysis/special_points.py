@@ -186,7 +186,7 @@ class SpecialPoint(BifurcationPoint[S]):
 
     def summary(self) -> dict[str, Any]:
         """Return the kind, the value of the parameter and the solution."""
-        location = {self.system.label(self.parameter): self.value}
+        location = {self.system.units.label(self.parameter): self.value}
         return {"kind": self.kind, **location, **self.solution.summary()}
 
     @cached_property
@@ -330,7 +330,7 @@ def special_point(
         kind=event.kind,
         label=event.label,
         parameter=parameter,
-        value=float(system.out(parameter, event.value)),
+        value=float(system.units.out(parameter, event.value)),
         solution=solution_of(system, event.solution),
         bounds=bounds,
         numeric=event,

@@ -130,7 +130,7 @@ class EventFunction:
         field = f"events[{name!r}]"
         pair = isinstance(event, tuple | list) and len(event) == 2
         if pair and isinstance(event[0], str):
-            event = event[0], solution.system.without_unit(event[0], event[1], field)
+            event = event[0], solution.system.units.parse(event[0], event[1], field)
         if not (pair and isinstance(event[0], str) and is_number(event[1])):
             allowed = 'a function of the orbit, or a column of the table and its value: ("v", 0.3)'
             raise InvalidParameter(field, event, allowed)

@@ -105,14 +105,19 @@ def _voltages(chart: mi.OperatingChart, columns_of_slip: int) -> pd.DataFrame:
     sides = ("slip", "on", "off", "steady from", "steady to")
     boundaries = [side for side in sides if any(side == piece[0] for piece in chart.pieces)]
     units = (
-        {name: "Hz", **dict.fromkeys(boundaries, system.drive_unit)} if system.scales.named else {}
+        {name: "Hz", **dict.fromkeys(boundaries, system.drive_unit)}
+        if system.units.scales.named
+        else {}
     )
     for boundary in boundaries:
         columns[boundary] = np.full(count, math.nan)
         for of, _, _, points in chart.pieces:
             if of == boundary and points:
                 frequency, voltage = np.array(points).T
-                frequency, voltage = system.out(name, frequency), system.out("amplitude", voltage)
+                frequency, voltage = (
+                    system.units.out(name, frequency),
+                    system.units.out("amplitude", voltage),
+                )
                 covered = (frequency.min() <= grid + slack) & (grid - slack <= frequency.max())
                 columns[boundary][covered] = np.interp(grid[covered], frequency, voltage)
     table = pd.DataFrame(columns)

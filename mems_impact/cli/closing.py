@@ -66,7 +66,7 @@ def command(
         other = "" if isinstance(drive, mi.VoltageStep) else ", or give --drive voltage-step"
         other += "" if arguments.get("duration") is None else ", or lengthen --duration"
         remedy = f"raise the voltage (see mems-impact pull-in){other}"
-        length = f"{closing.run.end:.4g} {closing.run.system.unit('time')}".rstrip()
+        length = f"{closing.run.end:.4g} {closing.run.system.units.get('time', '')}".rstrip()
         write_message(f"the contact does not close within {length}; {remedy}")
         ctx.exit(FAILED)
 

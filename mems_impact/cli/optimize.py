@@ -93,11 +93,14 @@ def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
     show_values(
         {
             best.quantity: OutputValue(best.value, unit, better),
-            **{name: OutputValue(value, system.unit(name)) for name, value in best.values.items()},
+            **{
+                name: OutputValue(value, system.units.get(name, ""))
+                for name, value in best.values.items()
+            },
             "held by": OutputValue(best.active, text="; ".join(best.active) or "nothing"),
             "ended": OutputValue(best.ended),
         },
-        in_units=system.scales.named,
+        in_units=system.units.scales.named,
     )
     show("\nMargins to the next bifurcations:")
     show_table("margins", with_units_in(margins, "parameter", _units(best)), digits=6)
@@ -111,4 +114,8 @@ def _constraint_suffix(best: mi.Optimum) -> str:
 def _units(best: mi.Optimum) -> dict[str, str]:
     """Return the units of the varied parameters; empty for a dimensionless device."""
     system = best.system
-    return {name: system.unit(name) for name in best.values} if system.scales.named else {}
+    return (
+        {name: system.units.get(name, "") for name in best.values}
+        if system.units.scales.named
+        else {}
+    )

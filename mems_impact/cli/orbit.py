@@ -77,7 +77,7 @@ def _show(orbit: ActuatorOrbit) -> None:
         "residual, dimensionless": OutputValue(orbit.residual, text=f"{orbit.residual:.2g}"),
         "method": OutputValue(orbit.options.method),
     }
-    show_values(lines, in_units=orbit.system.scales.named)
+    show_values(lines, in_units=orbit.system.units.scales.named)
     add_json_values({"periods": OutputValue(orbit.periods)})
     show("")
     add_json_tables({"segments": orbit.segments, "impacts": orbit.impacts})

@@ -105,19 +105,21 @@ def command(
 def _show(result: mi.Sensitivity, quantity: str) -> None:
     row = result.row(quantity)
     value = OutputValue(float(result.values[row]), result.units[row])
-    show_values({quantity: value}, in_units=result.system.scales.named)
+    show_values({quantity: value}, in_units=result.system.units.scales.named)
     show("")
     table = result.table
     rows = table[table["quantity"] == quantity].sort_values(
         "per cent", key=lambda column: -column.abs()
     )
-    in_units = result.system.scales.named
-    units = {name: result.system.unit(name) if in_units else "" for name in result.parameters}
+    in_units = result.system.units.scales.named
+    units = {
+        name: result.system.units.get(name, "") if in_units else "" for name in result.parameters
+    }
     rows = rows[["parameter", "at", "derivative", "elasticity"]]
     show_table("table", with_units_in(rows, "parameter", units), digits=6)
 
 
 def _units(result: mi.Sensitivity) -> dict[str, str]:
     """Return the units of the quantities, if they have any."""
-    in_units = result.system.scales.named
+    in_units = result.system.units.scales.named
     return dict(zip(result.quantities, result.units, strict=True)) if in_units else {}

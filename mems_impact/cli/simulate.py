@@ -110,7 +110,9 @@ def _show(run: mi.Run) -> None:
 
     first, last = run.window
     over, unit = (
-        ("forcing periods", "") if run.system.forced else ("times", run.system.unit("time"))
+        ("forcing periods", "")
+        if run.system.forced
+        else ("times", run.system.units.get("time", ""))
     )
     show(f"Statistics over {over} {first:g} to {last:g}{f' {unit}' if unit else ''}:")
     units = run.statistics.attrs["units"]

@@ -70,7 +70,9 @@ def command(
         files.tables({"history": result.history, "impacts": result.closing.table})
         files.draw(lambda: mi.plot_closing(result)[0].figure)
         values = {
-            name: OutputValue(result.drive.number(name), result.closing.run.system.unit(name))
+            name: OutputValue(
+                result.drive.number(name), result.closing.run.system.units.get(name, "")
+            )
             for name in result.drive.names
         }
         values["largest impact speed"] = OutputValue(result.speed, "m/s", result.bound)

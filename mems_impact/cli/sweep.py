@@ -60,7 +60,7 @@ def command(
     parameter, start, stop, points = axis
     parameter = symbol_of(parameter)
     system = device_system(device, changes, {parameter: start})
-    low, high = (system.without_unit(parameter, end, "values") for end in (start, stop))
+    low, high = (system.units.parse(parameter, end, "values") for end in (start, stop))
     arguments = arguments_for(FUNCTION, system)
     with output("sweep") as files:
         sweep = run_saving_partial(

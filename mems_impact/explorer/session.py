@@ -344,10 +344,10 @@ def allowed_range(system: HybridSystem, name: str, low: float, high: float) -> t
 
 def _slider_spec(subject: Subject, name: str, value: float) -> SliderSpec:
     system = subject.system
-    size = subject.sizes.get(name) or abs(float(system.out(name, 1.0)))
+    size = subject.sizes.get(name) or abs(float(system.units.out(name, 1.0)))
     low, high = (min(0.0, 2.0 * value), max(0.0, 2.0 * value)) if value else (-size, size)
     low, high = (float(f"{end:.6g}") for end in allowed_range(system, name, low, high))
-    unit, turn, symbol = system.unit(name), 1.0, name
+    unit, turn, symbol = system.units.get(name, ""), 1.0, name
     meaning = subject.meanings.get(name, "")
     if unit == ANGULAR:
         unit, turn, symbol = "Hz", TURN, f"{name}/2π"
@@ -451,7 +451,9 @@ class PageSetting:
 def unit_of_time(system: HybridSystem) -> float:
     """Return the unit of run lengths: the forcing period, or a typical time."""
     period = system.forcing_period
-    return period if period is not None else float(system.out("time", system.numbers().period))
+    return (
+        period if period is not None else float(system.units.out("time", system.numbers().period))
+    )
 
 
 def first_setting(subject: Subject) -> PageSetting:

@@ -247,7 +247,7 @@ def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> 
     """
     system, trajectory = run.system, run.trajectory
     indices = [system.states.index(name) for name in names]
-    units = np.array([system.out(name, 1.0) for name in names])
+    units = np.array([system.units.out(name, 1.0) for name in names])
     grid = trajectory.samples(per_period, first)
     time = times_of(run, grid.cycle, grid.time)
     y = grid.y[:, indices] * units
@@ -278,7 +278,7 @@ def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> 
 
 def times_of(run: Run, cycle: np.ndarray, time: Floats) -> Floats:
     """Return instants of the numerics as times from period 0, in the unit of the system."""
-    times: Floats = run.system.out("time", cycle * run.trajectory.period + time)
+    times: Floats = run.system.units.out("time", cycle * run.trajectory.period + time)
     return times
 
 
@@ -525,7 +525,9 @@ def _section(run: Run) -> dict[str, Floats]:
         crossings = log.crossings(1)
         cycle, time, y = crossings.cycle, crossings.time, crossings.after
     columns = {"t": times_of(run, cycle, time)}
-    columns |= {name: system.out(name, y[:, column]) for column, name in enumerate(system.states)}
+    columns |= {
+        name: system.units.out(name, y[:, column]) for column, name in enumerate(system.states)
+    }
     settled = cycle + time / run.trajectory.period >= begin + TRANSIENT_SHARE * (end - begin)
     return {name: values[settled] for name, values in columns.items()}
 
@@ -545,16 +547,16 @@ def _cycles(run: Run, unit: float) -> Cycles:
     if not system.forced:
         y = run.trajectory.events.crossings(1).after
         return Cycles(
-            number=np.arange(float(len(y))), value=system.out(state, y[:, column]),
+            number=np.arange(float(len(y))), value=system.units.out(state, y[:, column]),
             quantity=f"{state} on the section", name=state, speed=0.0,
             events=np.empty(0), counted="",
         )  # fmt: skip
     starts = run.trajectory.samples(1).y
     steps = isinstance(system, ActuatorSystem)
     if steps:
-        value = np.diff(system.out("x1", starts[:, system.states.index("x1")]))
+        value = np.diff(system.units.out("x1", starts[:, system.states.index("x1")]))
     else:
-        value = system.out(state, starts[:-1, column])
+        value = system.units.out(state, starts[:-1, column])
     events, counted = counts_of(run, len(value))
     return Cycles(
         number=np.arange(float(len(value))),
@@ -642,7 +644,7 @@ def floquet_of(picture: RunSnapshot, watch: Watch | None = None) -> Floquet:
     if picture.system.forced:
         length = f"{periods} forcing period{'s' if periods > 1 else ''}"
     else:
-        length = f"{picture.system.label('period')} {orbit.period:.6g}"
+        length = f"{picture.system.units.label('period')} {orbit.period:.6g}"
     description = (
         f"{stability_name(orbit.stable)}, {length}, {hits or 'no'} impact{'' if hits == 1 else 's'}"
     )

@@ -102,7 +102,7 @@ def frames_of(run: Run, first: float | None, last: float | None, per_period: int
         if first is None:
             first = max(begin, (end if last is None else last) - MOVIE_PERIODS)
     else:  # as many frames in all as there would be by default
-        duration = max((end - begin) * run.system.out("time", run.trajectory.period), 1e-300)
+        duration = max((end - begin) * run.system.units.out("time", run.trajectory.period), 1e-300)
         low, high = 0.0 if first is None else first, duration if last is None else last
         rate = every * max(1, math.ceil(MOVIE_PERIODS * per_period / max(high - low, 1e-300)))
     samples = run.samples(rate, first, last)
@@ -135,7 +135,7 @@ def clock(run: Run, time: float) -> str:
     period = run.system.forcing_period
     if period is not None:
         return f"period {time / period:.2f}"
-    unit = run.system.unit("time")
+    unit = run.system.units.get("time", "")
     return f"t = {time:.4g} {unit}".rstrip()
 
 

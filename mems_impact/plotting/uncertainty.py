@@ -369,7 +369,7 @@ def plot_sensitivity(
     labels = {name: symbol(name, symbols) for name in names}
     if tolerances is not None:
         labels = {
-            name: f"{sign} ± {amount(sizes[name], system.unit(name), 3)}"
+            name: f"{sign} ± {amount(sizes[name], system.units.get(name, ''), 3)}"
             for name, sign in labels.items()
         }
     ax.set_yticks(positions, list(labels.values()))

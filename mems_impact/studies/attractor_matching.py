@@ -111,7 +111,7 @@ class AttractorMatcher:
         """Return a state a tenth of the distance away in each component."""
         least_size = self.options.atol / self.options.rtol
         sizes = {
-            name: max(abs(state[name]), float(self.system.out(name, least_size)))
+            name: max(abs(state[name]), float(self.system.units.out(name, least_size)))
             for name in self.names
         }
         off = {name: state[name] + 0.1 * self.distance * size for name, size in sizes.items()}
@@ -156,7 +156,7 @@ class AttractorMatcher:
     def _sizes(self, columns: Columns, starts: Columns) -> Floats:
         """Return the distance in each component, in its unit."""
         least_size = self.options.atol / self.options.rtol
-        sizes = [float(self.system.out(name, least_size)) for name in self.names]
+        sizes = [float(self.system.units.out(name, least_size)) for name in self.names]
         for i, name in enumerate(self.names):
             values = [columns[f"{name} min"], columns[f"{name} max"], starts.get(name, np.empty(0))]
             magnitudes = np.abs(np.concatenate(values))

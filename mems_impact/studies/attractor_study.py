@@ -158,7 +158,7 @@ class AttractorEvaluator:
     def attrs(self, columns: Sequence[str]) -> dict[str, Any]:
         """Return the ``attrs`` of a table with these columns."""
         units = {name: unit_of(name, self.system.units) for name in columns}
-        if time := self.system.unit("time"):
+        if time := self.system.units.get("time", ""):
             units |= {name: f"1/{time}" for name in (EXPONENT, ERROR) if name in columns}
         return {
             "units": {name: unit for name, unit in units.items() if unit},

@@ -162,7 +162,7 @@ class Basins(Result):
         ends = zip(self.starts.names, points.min(axis=0), points.max(axis=0), strict=True)
         return {
             "system": repr(self.system),
-            **{self.system.label(name): f"{low:g} to {high:g}" for name, low, high in ends},
+            **{self.system.units.label(name): f"{low:g} to {high:g}" for name, low, high in ends},
             "points": len(self.table),
             "attractors": self._attractor_summary(),
         }

@@ -186,7 +186,7 @@ class BifurcationDiagram(Result):
         rows = {f"branch {i}": self._line(i) for i in range(len(self.branches))}
         return {
             "system": repr(self.system),
-            self.system.label(self.parameter): f"{low:g} to {high:g}",
+            self.system.units.label(self.parameter): f"{low:g} to {high:g}",
             **rows,
         }
 
@@ -448,7 +448,7 @@ class AttractorSearch:
         box = {}
         for i, name in enumerate(system.states):
             # A system at rest visits no other states.
-            size = BOX_MARGIN * abs(float(system.out(name, largest[i] or 1.0)))
+            size = BOX_MARGIN * abs(float(system.units.out(name, largest[i] or 1.0)))
             if name in self._bounds:
                 box[name] = self._bounds[name]
             elif i not in cyclic:
@@ -496,7 +496,7 @@ class AttractorSearch:
                 run = simulate(system, **span, initial=case.initial, options=self.options)
         except MemsImpactError as error:
             return Attractor(motion=FAILED, status=str(error))
-        units = [float(system.out(name, 1.0)) for name in system.states]
+        units = [float(system.units.out(name, 1.0)) for name in system.states]
         y = run.trajectory.samples(8).y * units
         late = y[-max(1, round(len(y) * self.recurrence.periods / length)) :]
         free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]

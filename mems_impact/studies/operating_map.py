@@ -149,7 +149,9 @@ class OperatingMap(Result):
         rows = {"system": repr(self.system)}
         for each in (self.x, self.y):
             low, high = min(each.values), max(each.values)
-            rows[self.system.label(each.name)] = f"{low:g} to {high:g}, {len(each.values)} values"
+            rows[self.system.units.label(each.name)] = (
+                f"{low:g} to {high:g}, {len(each.values)} values"
+            )
         return {**rows, "motions": self._counted()}
 
     @property

@@ -209,7 +209,7 @@ class Optimum(Result):
 
     def summary(self) -> dict[str, Any]:
         """Return the optimum, its active constraints and why the search ended."""
-        label = self.system.label
+        label = self.system.units.label
         return {
             "system": repr(self.system),
             self.quantity: self.value,
@@ -463,7 +463,7 @@ class Objective:
             row |= {other.name: other(each.item) for other in self.limited}
             rows.append(row)
         table = pd.DataFrame(rows)
-        units = {name: system.unit(name) for name in self.over}
+        units = {name: system.units.get(name, "") for name in self.over}
         units |= {each.name: each.unit for each in (self.quantity, *self.limited)}
         table.attrs = {
             "units": {name: unit for name, unit in units.items() if unit},
@@ -509,14 +509,14 @@ def _checked_bounds(system: HybridSystem, over: Bounds) -> dict[str, tuple[float
     for name, pair in over.items():
         system.check_continued(name)
         try:
-            low, high = system.without_unit(name, pair, f"over {name}")
+            low, high = system.units.parse(name, pair, f"over {name}")
         except InvalidParameter:
             raise
         except (TypeError, ValueError):
             low, high = math.nan, math.nan
         value = system.value(name)
         if not (is_number(low) and is_number(high) and low < high and low <= value <= high):
-            amount = f"{value:g} {system.unit(name)}".rstrip()
+            amount = f"{value:g} {system.units.get(name, '')}".rstrip()
             allowed = f"(lowest, highest), with {amount} between them, where the orbit is"
             raise InvalidParameter(f"over {name}", pair, allowed)
         for bound in (low, high):

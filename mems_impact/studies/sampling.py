@@ -83,10 +83,10 @@ def axis(
     if not isinstance(name, str) or name not in names:
         raise InvalidParameter(field, name, f"one of {', '.join(names)}")
     if isinstance(values, Interval):
-        low, high = (float(system.without_unit(name, end, field)) for end in values[:2])
+        low, high = (float(system.units.parse(name, end, field)) for end in values[:2])
         values = np.linspace(low, high, values.points)
     try:
-        numbers = np.atleast_1d(np.asarray(system.without_unit(name, values, field), dtype=float))
+        numbers = np.atleast_1d(np.asarray(system.units.parse(name, values, field), dtype=float))
     except InvalidParameter:
         raise
     except (TypeError, ValueError):
@@ -191,7 +191,7 @@ def deviations(
             raise InvalidParameter("tolerances", name, f"one of {', '.join(names)}")
         part, field = percentage(tolerance), f"tolerance of {name}"
         if part is None:
-            value = system.without_unit(name, tolerance, field)
+            value = system.units.parse(name, tolerance, field)
         else:
             value = part * _size("tolerance of", name, system)
         if not (is_number(value) and float(value) >= 0.0):
@@ -215,7 +215,7 @@ def distribution_about(name: str, text: Any, system: HybridSystem) -> Any:
     if part is not None:
         spread = part * _size("over", name, system)
     else:
-        spread = system.without_unit(name, width, field) if has_unit(width) else math.nan
+        spread = system.units.parse(name, width, field) if has_unit(width) else math.nan
     if kind not in DISTRIBUTIONS or not spread > 0.0:
         raise InvalidParameter(field, text, f"a distribution, or {SPREAD}")
     value = system.value(name)
@@ -321,7 +321,7 @@ def _distribution(name: str, distribution: Any, system: HybridSystem) -> Any:
         system.check_parameter(name, "over")
         field = f"over.{name}"
         return distribution_named(
-            field, distribution, lambda number: system.without_unit(name, number, field)
+            field, distribution, lambda number: system.units.parse(name, number, field)
         )
     return distribution
 
@@ -540,7 +540,7 @@ def box_of(
         if name not in names:
             raise InvalidParameter("box", name, f"of components among {', '.join(names)}")
         try:
-            low, high = system.without_unit(name, ends, f"box.{name}")
+            low, high = system.units.parse(name, ends, f"box.{name}")
         except (TypeError, ValueError) as error:
             if isinstance(error, InvalidParameter):
                 raise

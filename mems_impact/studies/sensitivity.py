@@ -218,7 +218,7 @@ def derivatives(
             of_solved.astype(int)
         ] * np.abs(values)
         result[nothing, column] = 0.0
-        result[:, column] /= float(orbit.system.out(name, 1.0))
+        result[:, column] /= float(orbit.system.units.out(name, 1.0))
     return values, result
 
 
@@ -331,7 +331,7 @@ def continue_to(orbit: Orbit, values: Mapping[str, float]) -> Orbit:
         If the continuation ends before; `reason` names the bifurcation.
     """
     system, start = orbit.system, orbit.numeric
-    target = {name: system.into(name, value) for name, value in values.items()}
+    target = {name: system.units.into(name, value) for name, value in values.items()}
     try:
         end = _solved(start, target, start)
         if end.admissible and _is_near(start, end):
@@ -457,7 +457,7 @@ def _allowed(orbit: Orbit, name: str, stop: float) -> float:
 
 def _next(orbit: Orbit, name: str, stop: float) -> _End:
     system, value = orbit.system, orbit.numeric.family.value(name)
-    end = system.into(name, stop)
+    end = system.units.into(name, stop)
     if end == value:
         return _End(stop, "the end of its range")
     branch, last = OrbitBranch(name), value
@@ -467,11 +467,11 @@ def _next(orbit: Orbit, name: str, stop: float) -> _End:
     for point in points_of(branch, orbit.numeric, low=low, high=high, direction=sign, steps=steps):
         for each in branch.special_points:
             if each.label in BIFURCATION_LABELS:
-                return _End(float(system.out(name, each.value)), each.kind)
+                return _End(float(system.units.out(name, each.value)), each.kind)
         last = point.value
         if last == end:
             return _End(stop, "")
-    return _End(float(system.out(name, last)), branch.ended)
+    return _End(float(system.units.out(name, last)), branch.ended)
 
 
 # --- Sensitivities and first-order tolerances
@@ -617,7 +617,7 @@ class Sensitivity(Result):
             rows = table[table["quantity"] == name].dropna(subset=["per cent"])
             if len(rows):
                 row = rows.loc[rows["per cent"].abs().idxmax()]
-                lines[self.system.scales.label(name, unit)] = (
+                lines[self.system.units.scales.label(name, unit)] = (
                     f"{row['value']:.6g}; {row['parameter']} + 1 %: {row['per cent']:+.3g}"
                 )
         return lines

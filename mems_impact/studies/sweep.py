@@ -243,7 +243,7 @@ class SweepStudy(Study):
             run.warn_of_transient()
             statistics = {}
             for name in system.sweep_statistics:
-                statistics[name] = system.out(name, run._scaled_statistics[name])
+                statistics[name] = system.units.out(name, run._scaled_statistics[name])
                 statistics[sweep_tables.error_column(name)] = run.settling.remaining(name)
             numbers, y = self._forced(system, run) if system.forced else self._unforced(system, run)
         except (RunError, InvalidParameter, FunctionError) as error:
@@ -251,7 +251,10 @@ class SweepStudy(Study):
             return start
         point["section"] = {
             sweep_tables.number_column(system): numbers,
-            **{name: system.out(name, y[:, system.states.index(name)]) for name in self._states},
+            **{
+                name: system.units.out(name, y[:, system.states.index(name)])
+                for name in self._states
+            },
         }
         point["statistics"] = statistics
         return run.final
@@ -283,7 +286,7 @@ class SweepStudy(Study):
         Without a section, the maxima of each state; one row has the k-th maximum of each.
         """
         trajectory = run.trajectory
-        first = float(system.into("time", run.window[0])) / trajectory.period
+        first = float(system.units.into("time", run.window[0])) / trajectory.period
         if system.section is None:
             peaks = maxima(trajectory, first)
             y = np.full((max(map(len, peaks)), len(peaks)), math.nan)
@@ -473,11 +476,11 @@ def sweep(
         raise InvalidParameter("direction", direction, f"one of {', '.join(CHAINS)}")
     check_direction("section", section)
     if not system.forced:
-        transient = system.without_unit("time", transient, "transient")
-        duration = system.without_unit("time", duration, "duration")
+        transient = system.units.parse("time", transient, "transient")
+        duration = system.units.parse("time", duration, "duration")
     settling, length = _spans(system, transient, periods, duration)
     system.check_parameter(parameter)
-    numbers = _numbers(system.without_unit(parameter, values, "values"))
+    numbers = _numbers(system.units.parse(parameter, values, "values"))
     ascending = np.sort(numbers).tolist()
     ends = {"up": ascending[0], "down": ascending[-1]}
     study = SweepStudy(

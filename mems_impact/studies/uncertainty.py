@@ -493,7 +493,7 @@ def _specification(
             "low and high, in this order; one may be missing",
         )
         try:
-            low, high = system.without_unit(name, ends, field)
+            low, high = system.units.parse(name, ends, field)
         except InvalidParameter:
             raise
         except (TypeError, ValueError):

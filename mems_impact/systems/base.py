@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.limits import UNLIMITED, Limits
-from mems_impact._util.quantities import quantities
 from mems_impact._util.units import Scales
 from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.export.model import ExportedModel, ExportedNumber
@@ -41,6 +40,7 @@ from mems_impact.systems.observables import (
 from mems_impact.systems.result import Result, deep_equal
 from mems_impact.systems.state import State, is_number, state_from
 from mems_impact.systems.typical_scales import warn_if_badly_scaled_orbit
+from mems_impact.systems.units import Units
 from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
 from mems_impact.tables import unit_of
 
@@ -102,11 +102,11 @@ class SystemFamily(Family):
 
     def amount(self, heading: str, value: float) -> str:
         """Return a number in the system's units, as text."""
-        return self.system.amount(heading, value)
+        return self.system.units.amount(heading, value)
 
     def convert(self, error: RunError) -> None:
         """Convert the numbers in an error of a run to the system's units."""
-        self.system.convert(error)
+        error.convert(self.system.units, forced=self.system.forced)
 
 
 class HybridSystem(Result, ABC):
@@ -114,7 +114,7 @@ class HybridSystem(Result, ABC):
 
     Three classes implement it: `System` by functions, `ActuatorSystem` by an actuator and a drive,
     `DetachedSystem` by the description in a file. Arguments and results are in the system's units;
-    computations use variables scaled by `scales` or typical magnitudes.
+    computations use variables scaled by the scales of `units`.
 
     See Also
     --------
@@ -152,15 +152,10 @@ class HybridSystem(Result, ABC):
     def parameters(self) -> dict[str, float]:
         """Names and values of all parameters, in the system's units."""
 
-    @property
+    @cached_property
     @abstractmethod
-    def units(self) -> Mapping[str, str]:
-        """Units by name, without dimensionless quantities."""
-
-    @property
-    @abstractmethod
-    def scales(self) -> Scales:
-        """The units of the scaled variables."""
+    def units(self) -> Units:
+        """Units by name, without dimensionless quantities, and the scales of the variables."""
 
     @property
     @abstractmethod
@@ -302,26 +297,6 @@ class HybridSystem(Result, ABC):
         """Whether the system has a forcing period."""
         return self.forcing_period is not None
 
-    def without_unit(self, name: str, values: Any, field: str = "") -> Any:
-        """Return values of a parameter, a state or the time, with texts as numbers in the unit.
-
-        Parameters
-        ----------
-        name : str
-        values : object
-            One value or several; texts with units ("70 V") and quantities of pint are converted,
-            other values are returned unchanged.
-        field : str, optional
-            Name of the argument in errors; `name` by default.
-
-        Raises
-        ------
-        InvalidParameter
-            If a text has a unit of another kind, or the system is dimensionless.
-        """
-        units = self.units
-        return quantities(field or name, values, unit_of(name, units) if units else None)
-
     def state_from(self, components: State | Mapping[str, Any], field: str = "initial") -> State:
         """Return the state with components of these names, which may be texts with units.
 
@@ -338,7 +313,7 @@ class HybridSystem(Result, ABC):
         known = (*self.states, "time")
         return state_from(
             {
-                name: self.without_unit(name, value) if name in known else value
+                name: self.units.parse(name, value) if name in known else value
                 for name, value in components.items()
             }
         )
@@ -352,61 +327,19 @@ class HybridSystem(Result, ABC):
         """Return a parameter in the system's units."""
         return self.parameters[name]
 
-    def unit(self, name: str) -> str:
-        """Return the unit of a parameter, a state or an observable, empty if dimensionless."""
-        return self.units.get(name, "")
-
-    @property
-    def is_scaled(self) -> bool:
-        """Whether the variables are scaled by typical magnitudes."""
-        return True
-
-    def factor(self, heading: str) -> float:
-        """Return the scale of the quantity with a heading: a name, or "time"."""
-        factors = self.scales.factors
-        return factors.get(unit_of(heading, self.units), 1.0) if factors else 1.0
-
-    def margin_unit(self, guard: str) -> float:
-        """Return the scale of the margin of a guard."""
-        return 1.0
-
-    def into(self, name: str, value: float) -> float:
-        """Return a value of a parameter, a state or the time in scaled units."""
-        return value / self.factor(name)
-
-    def out(self, heading: str, value: Any) -> Any:
-        """Return a scaled value, or an array, in the system's units."""
-        factor = self.factor(heading)
-        return value if factor == 1.0 else value * factor
-
-    def amount(self, heading: str, value: float) -> str:
-        """Return a scaled number in the system's units, as text."""
-        return f"{self.out(heading, value):.9g} {unit_of(heading, self.units)}".rstrip()
-
-    def margin_amount(self, guard: str, value: float, *, rate: bool = False) -> str:
-        """Return the margin of a guard, or its rate, in the system's units, as text."""
-        factor = self.margin_unit(guard) / (self.factor("time") if rate else 1.0)
-        return f"{value * factor:.3g}"
-
-    def convert(self, error: RunError) -> None:
-        """Convert the numbers in an error of a run to the system's units."""
-        error.convert(self.out, self.units, forced=self.forced)
-
-    def label(self, name: str) -> str:
-        """Return a name with its unit."""
-        return self.scales.label(name, self.unit(name))
-
     @cached_property
     def internal_parameters(self) -> dict[str, float]:
         """Names and values of all parameters, in scaled units."""
-        return {name: self.into(name, value) for name, value in self.parameters.items()}
+        return {name: self.units.into(name, value) for name, value in self.parameters.items()}
 
     def parameter_changes(
         self, inner: Mapping[str, float], current: Mapping[str, float]
     ) -> dict[str, float]:
         """Return the parameters that differ between two scaled sets, in the system's units."""
         return {
-            name: self.out(name, value) for name, value in inner.items() if value != current[name]
+            name: self.units.out(name, value)
+            for name, value in inner.items()
+            if value != current[name]
         }
 
     def hybrid_state(
@@ -428,10 +361,10 @@ class HybridSystem(Result, ABC):
         state = self.initial if state is None else self.state_from(state, field)
         self._check_state(field, state)
         values = {**dict.fromkeys(self.states, 0.0), **self.initial.as_dict(), **state.as_dict()}
-        y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)
-        time = self.into("time", state.time)
-        if self.forced and not state.time < self.out("time", problem.period):
-            period, unit = self.out("time", problem.period), self.unit("time")
+        y = np.array([self.units.into(name, values[name]) for name in self.states], dtype=float)
+        time = self.units.into("time", state.time)
+        if self.forced and not state.time < self.units.out("time", problem.period):
+            period, unit = self.units.out("time", problem.period), self.units.get("time", "")
             raise InvalidParameter(
                 "time", state.time, f"below the forcing period {period:g} {unit}".rstrip()
             )
@@ -457,18 +390,18 @@ class HybridSystem(Result, ABC):
 
         The phase of the initial state, unless zero, must be the phase of the start.
         """
-        value = self.without_unit("time", start, "start")
+        value = self.units.parse("time", start, "start")
         if not is_number(value):
             raise InvalidParameter("start", start, "a finite number")
-        time = self.into("time", value)
+        time = self.units.into("time", value)
         if not abs(time) < MAX_CYCLE * period:
-            allowed = f"within {self.out('time', MAX_CYCLE * period):.3g}"
+            allowed = f"within {self.units.out('time', MAX_CYCLE * period):.3g}"
             raise InvalidParameter("start", start, allowed)
         cycle = round((time - phase) / period)
         if abs(cycle * period + phase - time) <= PHASE_RTOL * max(period, abs(time)):
             return cycle, phase
         if phase != 0.0:
-            whole, unit = self.out("time", period), self.unit("time")
+            whole, unit = self.units.out("time", period), self.units.get("time", "")
             allowed = (
                 f"the phase of the initial state, plus whole periods of {whole:.9g} {unit}".rstrip()
             )
@@ -484,8 +417,8 @@ class HybridSystem(Result, ABC):
         """Return a scaled instant as a state in the system's units."""
         values = zip(self.states, instant.y.tolist(), strict=True)
         return state_from(
-            {name: self.out(name, value) for name, value in values},
-            time=float(self.out("time", instant.time)) if self.forced else 0.0,
+            {name: self.units.out(name, value) for name, value in values},
+            time=float(self.units.out("time", instant.time)) if self.forced else 0.0,
             mode=self.modes[instant.mode] if len(self.modes) > 1 else None,
             initial=instant.initial,
             waiting=instant.waiting,
@@ -614,7 +547,7 @@ class HybridSystem(Result, ABC):
         """
         for name in values:
             self.check_parameter(name)
-        other = self.shifted({name: self.without_unit(name, v) for name, v in values.items()})
+        other = self.shifted({name: self.units.parse(name, v) for name, v in values.items()})
         other._checked_numbers  # noqa: B018 - raises if they are not allowed
         return other
 
@@ -648,7 +581,7 @@ class HybridSystem(Result, ABC):
 
     def family(self, options: Options) -> Family:
         """Return the problems for all values of the parameters, in scaled units."""
-        if not self.is_scaled and self.forced:
+        if not self.units.is_scaled and self.forced:
             warn_if_badly_scaled_orbit(self._checked_numbers.period)
         return SystemFamily(self.internal_parameters, self, options)
 
@@ -699,7 +632,7 @@ class HybridSystem(Result, ABC):
     def _checked_numbers(self) -> ProblemParameters:
         """The part of the problem that depends on the parameters, shared by all problems."""
         numbers = self.numbers()
-        size, unit = self.factor("time"), self.unit("time")
+        size, unit = self.units.factor("time"), self.units.get("time", "")
         check_times(numbers, size, unit, forced=self.forced)
         return numbers
 
@@ -779,8 +712,8 @@ class HybridSystem(Result, ABC):
             ExportedNumber(
                 name=name,
                 value=value,
-                unit=self.unit(name),
-                factor=self.factor(name),
+                unit=self.units.get(name, ""),
+                factor=self.units.factor(name),
                 index=indices.get(name),
                 limits=self.limits(name),
             )
@@ -797,11 +730,11 @@ class HybridSystem(Result, ABC):
             problem=problem,
             initial=start,
             numbers=numbers,
-            state_units=tuple(self.unit(name) for name in states),
-            state_factors=tuple(float(self.out(name, 1.0)) for name in states),
+            state_units=tuple(self.units.get(name, "") for name in states),
+            state_factors=tuple(float(self.units.out(name, 1.0)) for name in states),
             time_unit=unit_of("time", self.units),
-            time_factor=float(self.out("time", 1.0)),
-            start_time=float(self.out("time", start.time)),
+            time_factor=float(self.units.out("time", 1.0)),
+            start_time=float(self.units.out("time", start.time)),
             inputs=tuple(inputs),
             mode_by_switch=self.mode_by_switch,
         )
@@ -825,7 +758,7 @@ class HybridSystem(Result, ABC):
             "states": ", ".join(self.states),
             "modes": ", ".join(self.modes),
             "guards": ", ".join(guard.name for guard in self.automaton.guards),
-            **{self.label(name): value for name, value in self.parameters.items()},
+            **{self.units.label(name): value for name, value in self.parameters.items()},
         }
 
     def __eq__(self, other: object) -> bool:
@@ -870,11 +803,11 @@ Conversion = Callable[[str, Any], Any]
 def conversion(systems: Sequence[HybridSystem]) -> Conversion:
     """Return the conversion of columns that have a row for each of some systems."""
     first = systems[0]
-    if all(system.scales == first.scales for system in systems):
-        return first.out
+    if all(system.units.scales == first.units.scales for system in systems):
+        return first.units.out
 
     def out(heading: str, value: Any) -> Any:
         unit = unit_of(heading, first.units)
-        return value * np.array([system.scales.factors.get(unit, 1.0) for system in systems])
+        return value * np.array([system.units.scales.factors.get(unit, 1.0) for system in systems])
 
     return out

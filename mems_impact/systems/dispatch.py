@@ -95,7 +95,7 @@ def takes_system(
                 with warned_once():
                     return verb(system, *rest, **keywords)
             except RunError as error:
-                system.convert(error)
+                error.convert(system.units, forced=system.forced)
                 raise
 
         return cast("Verb[P, R]", called)

@@ -138,7 +138,7 @@ def check_forcing(system: HybridSystem, definition: Definition, trajectory: Traj
     modes = [start.mode, final.mode, *events.mode_after[rows], *events.mode_before[rows]]
     y = np.vstack([start.y, final.y, events.after[rows], events.before[rows]])
     for i, name in enumerate(system.states):
-        y[:, i] = 0.0 if i in definition.cyclic else system.out(name, y[:, i])
+        y[:, i] = 0.0 if i in definition.cyclic else system.units.out(name, y[:, i])
     points = [
         EvaluationPoint(int(mode), 0.0, at) for mode, at in zip(modes, y.tolist(), strict=True)
     ]
@@ -150,7 +150,7 @@ def check_forcing(system: HybridSystem, definition: Definition, trajectory: Traj
         (math.ceil(start - phase), phase)
         for start, phase in zip(starts.tolist(), cycle(phases), strict=False)
     ]
-    period = float(system.out("time", trajectory.period))
+    period = float(system.units.out("time", trajectory.period))
     _compare(system, checked, functions, points, period, instants, (first, last))
 
 
@@ -280,7 +280,9 @@ def _compare_at(
     for i, (a, b) in enumerate(zip(one, other, strict=True)):
         room = size + 2.0 * max(abs(values[i] - a) for values in beside)
         if abs(a - b) > room:
-            first, last = (f"{t:.9g} {system.unit('time')}".rstrip() for t in (early, late))
+            first, last = (
+                f"{t:.9g} {system.units.get('time', '')}".rstrip() for t in (early, late)
+            )
             problem = (
                 f"is not periodic: it gives {a:.6g} at t = {first} and {b:.6g} at t = {last}, "
                 f"{cycle} periods later"

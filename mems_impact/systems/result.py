@@ -137,7 +137,7 @@ class ParameterResult(Result):
         """Return the system, and the range and number of the values of the parameter."""
         values = self.table[self.parameter]
         extent = f"{values.min():g} to {values.max():g}, {values.nunique()} values"
-        return {"system": repr(self.system), self.system.label(self.parameter): extent}
+        return {"system": repr(self.system), self.system.units.label(self.parameter): extent}
 
     def __repr__(self) -> str:
         (_, (_, extent), *others) = self.summary().items()

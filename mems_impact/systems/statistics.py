@@ -235,7 +235,7 @@ class RunStatistics(StatisticsAccumulator):
                 begin, end = (system.evaluate_observable(each, y, self._problem) for y in borders)
                 gains[each.name] = end - begin
         # Rates of an autonomous system are per unit of time.
-        period = 1.0 if system.forced else float(system.out("time", self._window.period))
+        period = 1.0 if system.forced else float(system.units.out("time", self._window.period))
         totals = self._totals(final, period, gains, self._moments)
         window = self._window.until(final)
         return {
@@ -331,7 +331,7 @@ def measures(
     values |= {f"{name} std": deviation for name, deviation in settled.deviations.items()}
     guards = system.automaton.guards
     if any(guard.impact for guard in guards):
-        units = np.array([system.margin_unit(guard.name) for guard in guards])
+        units = np.array([system.units.margin_factor(guard.name) for guard in guards])
         values["closest approach"] = closest_gap(settled.closest * units, guards)
     result = {name: out(name, value) for name, value in values.items()}
     if not system.forced:

@@ -48,9 +48,9 @@ from mems_impact.systems.observables import EventObserver, Observable
 from mems_impact.systems.state import Mode, State
 from mems_impact.systems.statistics import RunStatistics, measure_names, measures
 from mems_impact.systems.typical_scales import typical_of
+from mems_impact.systems.units import Units
 from mems_impact.systems.validation import check_parted
 from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
-from mems_impact.tables import name_of
 
 __all__ = ["System"]
 
@@ -240,6 +240,7 @@ class System(HybridSystem):
         self.observables = arguments.observables(observables, names, guards)
         quantities = [each.name for each in self.observables]
         self._units = arguments.units(units, (*names, *self._parameters, *quantities))
+        self.typical = None
         self._initial = arguments.initial(initial)
         arguments.check_names(
             name=[self.name],
@@ -248,7 +249,6 @@ class System(HybridSystem):
             observables=quantities,
             **{f"unit of {name}": [unit] for name, unit in self.units.items()},
         )
-        self.typical = None
         sizes = arguments.sizes(typical)
         # In the user's units, in which functions and messages count.
         problem, given = self.problem(Options()), initial is not None
@@ -256,7 +256,6 @@ class System(HybridSystem):
             self, self.definition, problem, time=sizes.get("time"), initial_given=given
         )
         if sizes:
-            del self._checked_numbers  # in other units
             self.typical = typical_of(
                 sizes,
                 definition=self.definition,
@@ -265,6 +264,7 @@ class System(HybridSystem):
                 units=self._units,
                 time=self._own_time(),
             )
+            del self._checked_numbers, self.units  # in other units
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -272,14 +272,15 @@ class System(HybridSystem):
         return dict(self._parameters)
 
     @cached_property
-    def units(self) -> Mapping[str, str]:
-        """Units of states, parameters, observables and times, without dimensionless quantities."""
-        return {**self._units, **{each.name: each.unit for each in self.observables if each.unit}}
-
-    @property
-    def scales(self) -> Scales:
-        """The units of the scaled variables."""
-        return DIMENSIONLESS if not self.units else Scales()
+    def units(self) -> Units:
+        """Units of states, parameters, observables and times, and the scales of the variables."""
+        names = {**self._units, **{each.name: each.unit for each in self.observables if each.unit}}
+        scales, typical = Scales() if names else DIMENSIONLESS, self.typical
+        if typical is None:
+            return Units(names, scales, is_scaled=False)
+        sizes = dict(zip(self.states, typical.states, strict=True), time=typical.time)
+        sizes |= zip(self._parameters, typical.parameters, strict=True)
+        return Units(names, scales, sizes=sizes, margins=dict(typical.margins))
 
     @property
     def initial(self) -> State:
@@ -342,7 +343,7 @@ class System(HybridSystem):
         p = self._to_user(problem)
 
         def values(time: float, y: Floats) -> tuple[float, Any, Any]:
-            return float(self.out("time", time)), self._state(y), p
+            return float(self.units.out("time", time)), self._state(y), p
 
         return NegativeFriction(parts, problem, values, start) if parts else None
 
@@ -376,7 +377,7 @@ class System(HybridSystem):
     def _recurrence(self) -> None:
         """The result of `check_recurrence`, if it raises no error."""
         if self.forced:
-            period = float(self.out("time", self._checked_numbers.period))
+            period = float(self.units.out("time", self._checked_numbers.period))
             periodicity.check_recurrence(self, self.definition, period)
         else:
             periodicity.check_autonomy(self.definition, self._checked_numbers.switches)
@@ -423,7 +424,7 @@ class System(HybridSystem):
         if sliding is None:
             return None
         return lambda code, at: sliding.failure(
-            code, self.out("time", at.time), self._state(at.y), p
+            code, self.units.out("time", at.time), self._state(at.y), p
         )
 
     def other_mode(self, start: HybridState, problem: Problem) -> int:
@@ -431,7 +432,7 @@ class System(HybridSystem):
         if self._sliding is None:
             return -1
         now = start.time if self.forced else start.cycle * problem.period + start.time
-        time, y = self.out("time", now), self._state(start.y)
+        time, y = self.units.out("time", now), self._state(start.y)
         return int(self._sliding.other_start(start.mode, time, y, self._to_user(problem)))
 
     def warn_of_expansion(self, trajectory: Trajectory) -> None:
@@ -452,9 +453,9 @@ class System(HybridSystem):
                 ends.append((int(modes[i]), int(events.cycle[i]), events.time[i], states[i]))
         for mode, cycle, at, y in ends:
             now = at if self.forced else cycle * trajectory.period + at
-            surfaces = sliding.expanding(mode, self.out("time", now), self._state(y), p)
+            surfaces = sliding.expanding(mode, self.units.out("time", now), self._state(y), p)
             if surfaces:
-                time = self.out("time", cycle * trajectory.period + at)
+                time = self.units.out("time", cycle * trajectory.period + at)
                 message = (
                     f"motions around the intersection of {', '.join(surfaces)}, on which the run "
                     f"slides at t = {time:.6g}, may expand: no weighted sum of the distances from "
@@ -472,31 +473,12 @@ class System(HybridSystem):
         return automaton_of(scaled(self.definition, self.typical))
 
     @property
-    def is_scaled(self) -> bool:
-        """Whether the variables are scaled by typical magnitudes."""
-        return self.typical is not None
-
-    def factor(self, heading: str) -> float:
-        """Return the scale of the quantity with a heading: a name, or "time"."""
-        if self.typical is None:
-            return super().factor(heading)
-        sizes = self.typical
-        scales = dict(zip(self.states, sizes.states, strict=True), time=sizes.time)
-        scales |= zip(self._parameters, sizes.parameters, strict=True)
-        return scales.get(name_of(heading, scales), 1.0)
-
-    def margin_unit(self, guard: str) -> float:
-        """Return the scale of the margin of a guard."""
-        sizes = dict(self.typical.margins) if self.typical else {}
-        return sizes.get(guard, 1.0)
-
-    @property
     def section(self) -> Section | None:
         """The Poincaré section: component, level, direction; in scaled units."""
         if self._section is None:
             return None
         state, level, direction = self._section
-        return state, self.into(self.states[state], level), direction
+        return state, self.units.into(self.states[state], level), direction
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
         """Return the part of the problem that depends on the parameters, in scaled units.
@@ -518,7 +500,7 @@ class System(HybridSystem):
         if type(self).numbers is not System.numbers:
             return None
         values: dict[str, Any] = {**self._parameters, **changes}
-        values[name] = Dual(values[name], self.factor(name))
+        values[name] = Dual(values[name], self.units.factor(name))
         try:
             period, scale, switches = self._times(self._named(values.values()), copy_for_tangents)
         except Exception:  # differences report the errors of functions
@@ -534,7 +516,7 @@ class System(HybridSystem):
             form(each) if callable(each) else each
             for each in (self._period, self._time_scale, self._switches)
         )
-        time = self.factor("time")
+        time = self.units.factor("time")
         return (
             _in_units(arguments.number("period", period, p), time),
             _in_units(arguments.number("time_scale", scale, p), time),
@@ -622,7 +604,7 @@ class System(HybridSystem):
         """
         if self._begin is None:
             return mode
-        when, state = self.out("time", time), self._state(y)
+        when, state = self.units.out("time", time), self._state(y)
         try:
             fitting = int(self._begin(mode, when, state, self._to_user(problem)))
         except Exception as error:
@@ -670,7 +652,7 @@ class System(HybridSystem):
         p = self._to_user(problem)
         before, after = self._state(events.before[i]), self._state(events.after[i])
         instant = events.cycle[i] * problem.period + events.time[i]
-        mode, time = int(events.mode_before[i]), float(self.out("time", instant))
+        mode, time = int(events.mode_before[i]), float(self.units.out("time", instant))
         return _observable_value(observable, mode, time, before, after, p)
 
     @property

@@ -202,10 +202,10 @@ def warn_of_discontinuity(
     lengths = (part * length for part in STEPS_AHEAD)
     stretches = [each for each in lengths if time + DECLARED_RATIO * each < stop]
     values = zip(system.states, at.y.tolist(), strict=True)
-    y = [float(system.out(name, value)) for name, value in values]
-    point = EvaluationPoint(at.mode, float(system.out("time", time)), y)
+    y = [float(system.units.out(name, value)) for name, value in values]
+    point = EvaluationPoint(at.mode, float(system.units.out("time", time)), y)
     try:
-        return _jumps(checked, point, [float(system.out("time", each)) for each in stretches])
+        return _jumps(checked, point, [float(system.units.out("time", each)) for each in stretches])
     except (FunctionError, DomainError, ArithmeticError):
         return False  # other checks report errors of functions
 
@@ -480,7 +480,7 @@ class ModeMonitor(EventObserver):
         """Record a state, in scaled units, if its mode has not been checked."""
         if at.mode not in self.points or len(self.points[at.mode]) == POINTS_PER_MODE:
             return
-        out, y = self.system.out, at.y.copy()
+        out, y = self.system.units.out, at.y.copy()
         y[list(self.definition.cyclic)] = 0.0  # the value in functions, which do not depend on them
         time = at.time if self.system.forced else at.cycle * self.problem.period + at.time
         values = zip(self.system.states, y.tolist(), strict=True)
@@ -503,7 +503,7 @@ class ModeMonitor(EventObserver):
         checked = CheckedFunctions(
             definition, [system.value(name) for name in definition.parameters]
         )
-        unit = float(system.out("time", problem.time_scale or problem.period))
+        unit = float(system.units.out("time", problem.time_scale or problem.period))
         clock = TimeGrid(system.forcing_period, unit, problem.switches)
         each = 10 * max(1, len(definition.guards))  # calls at a point, roughly
         left = max(1, COMPARISON_CALLS // each)
@@ -778,7 +778,7 @@ def _start(system: HybridSystem, problem: Problem) -> HybridState:
     start = system.hybrid_state(None, problem)
     # As given: a run moves it to where the constraints of its mode hold.
     values = {**dict.fromkeys(system.states, 0.0), **system.initial.as_dict()}
-    y = [float(system.into(name, values[name])) for name in system.states]
+    y = [float(system.units.into(name, values[name])) for name in system.states]
     return replace(start, y=np.array(y))
 
 
@@ -890,8 +890,8 @@ def check_start_side(system: HybridSystem, problem: Problem, start: HybridState)
             if not (np.abs(y - start.y) > MARGIN_TOLERANCES * sizes).any():
                 continue
             moved = ", ".join(
-                f"{system.label(state)} from {system.out(state, a):.6g} to "
-                f"{system.out(state, b):.6g}"
+                f"{system.units.label(state)} from {system.units.out(state, a):.6g} to "
+                f"{system.units.out(state, b):.6g}"
                 for state, a, b, size in zip(system.states, start.y, y, sizes, strict=True)
                 if abs(b - a) > MARGIN_TOLERANCES * size
             )

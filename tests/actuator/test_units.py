@@ -135,8 +135,8 @@ def test_why_a_branch_ends_is_in_the_units_of_the_device():
     inner = family.value("amplitude")
     assert inner != pytest.approx(60.0)
     assert family.amount("amplitude", inner) == "60 V"
-    assert system.margin_amount("right impact", 0.5) == "2.5e-06 m"
-    assert system.margin_amount("slip end", 1.0, rate=True).endswith(" m/s/s")
+    assert system.units.margin_amount("right impact", 0.5) == "2.5e-06 m"
+    assert system.units.margin_amount("slip end", 1.0, rate=True).endswith(" m/s/s")
 
 
 @pytest.mark.parametrize("name", ["mita2003", "zhao2004"])
@@ -159,4 +159,4 @@ def test_results_show_six_digits_and_units_where_there_are_any(name):
 
 def test_a_margin_without_a_unit_is_reported_as_it_is():
     system = mi.load_actuator("mita2003").under(mi.Sine(amplitude=1.0, omega=1.0))
-    assert system.margin_amount("switch", -0.25) == "-0.25"
+    assert system.units.margin_amount("switch", -0.25) == "-0.25"

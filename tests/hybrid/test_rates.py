@@ -55,9 +55,9 @@ def pendulum(arrays, typical):
 def test_rates_and_their_derivatives(engine, arrays, typical):
     system = pendulum(arrays, typical)
     problem = system.problem(mi.Options(engine=engine, method="dop853"))
-    units = np.array([system.factor(name) for name in system.states])
+    units = np.array([system.units.factor(name) for name in system.states])
     t, y, p = 0.9, np.array([0.3, -0.8]), SimpleNamespace(a=0.7)
-    time, unit = system.factor("time"), system.margin_unit("h")
+    time, unit = system.units.factor("time"), system.units.margin_factor("h")
     variational = Variational(problem, np.zeros((1, len(problem.parameters))))
     event = variational.event(0, 0, t / time, y / units)
 

@@ -163,7 +163,7 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
             return verdict
         true = float(orbit.step / (orbit.periods * orbit.period))
         scale = float(np.abs(orbit.samples(50)["v1"]).max())
-        true, scale = (float(run.system.into(name, each)) for each in (true, scale))
+        true, scale = (float(run.system.units.into(name, each)) for each in (true, scale))
     verdict.story = _wrong(run, name, true, scale)
     if not verdict.story and number % STEADY == 0:
         run = mi.steady_state(run)

@@ -276,7 +276,7 @@ def frequency_response(
     for name in (parameter, "amplitude"):
         system.check_parameter(name)
     amplitude_values = system.value("amplitude") if amplitudes is None else amplitudes
-    amplitude_values = system.without_unit("amplitude", amplitude_values, "amplitudes")
+    amplitude_values = system.units.parse("amplitude", amplitude_values, "amplitudes")
     values = np.atleast_1d(np.asarray(amplitude_values, dtype=float))
     tables = []
     for amplitude in values.tolist():

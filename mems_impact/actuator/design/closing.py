@@ -261,7 +261,7 @@ def rest_start(trajectory: Trajectory) -> float:
 
 def contact_length(run: ActuatorRun) -> float:
     """Return how long the block has been on a stopper at the end, in the device's units."""
-    return run.end - float(run.system.out("time", rest_start(run.trajectory)))
+    return run.end - float(run.system.units.out("time", rest_start(run.trajectory)))
 
 
 def holds(
@@ -342,16 +342,16 @@ def result_of(run: ActuatorRun, smallest_bounce: float, *, stays: bool) -> Closi
     contacts = table(columns, system)
     contacts.insert(1, "stopper", category_column(["right", "left"], (side != 1).astype(np.int64)))
     return Closing(
-        closing_time=float(system.out("time", when[hits[0]])) if closed else math.nan,
-        impact_speed=float(system.out("impact speed", speeds[0])) if closed else math.nan,
+        closing_time=float(system.units.out("time", when[hits[0]])) if closed else math.nan,
+        impact_speed=float(system.units.out("impact speed", speeds[0])) if closed else math.nan,
         bounces=int((height[same_side] >= smallest_bounce * delta).sum()),
-        settling_time=float(system.out("time", settled)),
+        settling_time=float(system.units.out("time", settled)),
         stopper=("right" if side[0] == 1 else "left") if closed else "",
         smallest_bounce=float(smallest_bounce),
         errors=dict.fromkeys(("closing_time", "impact_speed", "settling_time"), 0.0),
         table=contacts,
         run=run,
-        si=system.scales.named,
+        si=system.units.scales.named,
     )
 
 

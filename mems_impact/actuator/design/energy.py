@@ -377,7 +377,9 @@ class Energy(Result):
     @property
     def slip_path(self) -> float:
         """Total slip path of the frame."""
-        return float(self.system.scales.out(self.sums.slip[self.end] - self.sums.slip[0], "m"))
+        return float(
+            self.system.units.scales.out(self.sums.slip[self.end] - self.sums.slip[0], "m")
+        )
 
     @property
     def efficiency(self) -> float:
@@ -449,9 +451,9 @@ class Energy(Result):
     def _between(self, begin: int, end: int) -> dict[tuple[str, str], float]:
         """Return the change of each account between two rows, in the units of the device."""
         accounts, rows, work = self._accounts, self.sums.sums, self.sums.work
-        changes = self.system.scales.out(rows[end] - rows[begin], "J")
+        changes = self.system.units.scales.out(rows[end] - rows[begin], "J")
         change = dict(zip(self.sums.columns, changes.tolist(), strict=True))
-        supplied = float(self.system.scales.out(work[end] - work[begin], "J"))
+        supplied = float(self.system.units.scales.out(work[end] - work[begin], "J"))
         supplied += sum(change[f"lost {name}"] for name in accounts.at_electrodes)
         supplied += sum(change[f"stored {name}"] for name in accounts.fields)
         totals = {("in", "electrodes"): supplied}

@@ -319,7 +319,7 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
         problem = _stepless(run, int(right.sum()), int(at_rest.sum()))
         raise InvalidParameter("run", None, "", problem=problem)
     hits, steps = hits[chosen], steps[chosen]
-    scales = run.system.scales
+    scales = run.system.units.scales
     volts = run.system.node_voltages(hits.cycle, hits.time, hits.after)["node voltage"]
     volts = scales.out(volts, "V")
     speed = scales.out(hits.before[:, V2], "m/s")
@@ -353,7 +353,7 @@ def _steps_after(run: ActuatorRun, hits: Events) -> Floats:
     numbers = system.numbers()
     left = system.drive.left_voltage is not None
     model = compose(tuple(term.kind for term in system.actuator.terms), 2 if left else 1)
-    times = system.scales.out(hits.time, "s")
+    times = system.units.scales.out(hits.time, "s")
     volts = [system.into_drive(system.source.value(times, left=side)) for side in (False, True)]
     rows = zip(hits.after, *volts, strict=True)
     return np.array([coasting(model, y, v, w, numbers.parameters) for y, v, w in rows])

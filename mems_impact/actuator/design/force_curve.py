@@ -289,7 +289,7 @@ def _unheld(system: ActuatorSystem, margin: float) -> float:
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     limit = model.static_limit(system.numbers().parameters)
     push = math.sqrt(max(0.0, limit * (limit - 2.0 * margin)))  # see `static_reserve`
-    return float(system.scales.out(limit - push, "N"))
+    return float(system.units.scales.out(limit - push, "N"))
 
 
 def _runaway(run: ActuatorRun, periods: int) -> int:
@@ -324,7 +324,7 @@ def _holding_loads(system: ActuatorSystem) -> tuple[float, float]:
     speeds = SPEEDS if model.sticks else SPEEDS[-1:]
     friction = [model.sliding_friction(1, speed, p) for speed in speeds.tolist()]
     sliding, static = min(friction) + outside, model.static_limit(p) + outside
-    return float(system.scales.out(sliding, "N")), float(system.scales.out(static, "N"))
+    return float(system.units.scales.out(sliding, "N")), float(system.units.scales.out(static, "N"))
 
 
 def _zero(loads: Any, speed: Any) -> float:

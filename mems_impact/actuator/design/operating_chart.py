@@ -117,7 +117,7 @@ class OperatingChart(Result):
         points = [f"{s.kind} at {s.values[self._name]:.6g}" for s in self.special_points]
         return {
             "system": repr(self.system),
-            self.system.label(self._name): f"{low:g} to {high:g}",
+            self.system.units.label(self._name): f"{low:g} to {high:g}",
             "types": self._types(),
             "special points": ", ".join(points) or "none",
             "notes": "; ".join(self.notes) or "none",
@@ -147,7 +147,7 @@ class OperatingChart(Result):
         rows = [
             {
                 "boundary": boundary,
-                "values": tuple(map(self.system.out, self.parameters, point)),
+                "values": tuple(map(self.system.units.out, self.parameters, point)),
                 "type": region.paper if region is not None else "",
                 "kind": kind,
             }
@@ -164,7 +164,10 @@ class OperatingChart(Result):
             {
                 "type": region.paper,
                 "grazing": str(region),
-                "values": (self.system.out(self._name, low), self.system.out(self._name, high)),
+                "values": (
+                    self.system.units.out(self._name, low),
+                    self.system.units.out(self._name, high),
+                ),
                 ON: kinds.get((ON, region), ""),
                 OFF: kinds.get((OFF, region), ""),
             }
@@ -540,7 +543,7 @@ class ChartBuilder:
         self.pieces: list[tuple[str, GrazingType | None, str, Sequence[Point]]] = []
         self.done = self.total = 0  # number of completed parts, and of all parts
         compute = pull_in_charge if system.drive_unit == "C" else contact_voltage
-        self.pull_in = system.into(AMPLITUDE, compute(system.actuator))
+        self.pull_in = system.units.into(AMPLITUDE, compute(system.actuator))
 
     def make(self, crises: int, columns: int, periods: int, workers: int) -> None:
         """Compute the parts, the slowest last; `chart` returns the completed ones."""
@@ -602,7 +605,10 @@ class ChartBuilder:
         low, high = self.omega
         return OperatingChart(
             system=self.system,
-            frequencies=(self.system.out(self.name, low), self.system.out(self.name, high)),
+            frequencies=(
+                self.system.units.out(self.name, low),
+                self.system.units.out(self.name, high),
+            ),
             special_points=self.special_points,
             notes=tuple(self.notes),
             regions=tuple(self.regions),
@@ -635,7 +641,7 @@ class ChartBuilder:
         for amplitude in (self.pull_in * START_AMPLITUDE_RATIO**i for i in range(1, 1 + STARTS)):
             family = self.family.at(**{AMPLITUDE: amplitude, self.name: omega})
             start_system = self._system_at(omega).changed(
-                amplitude=self.system.out(AMPLITUDE, amplitude)
+                amplitude=self.system.units.out(AMPLITUDE, amplitude)
             )
             rest = start_system.hybrid_state(State(), family.problem())
             try:
@@ -685,7 +691,7 @@ class ChartBuilder:
         """Locate the thresholds of slip and impacts at equally spaced frequencies."""
         omegas = np.linspace(*self.omega, columns or FREQUENCY_COLUMNS).tolist()
         located: dict[str, list[_Place]] = {}
-        self.total, highest = len(omegas), 1.5 * self.system.out(AMPLITUDE, self.pull_in)
+        self.total, highest = len(omegas), 1.5 * self.system.units.out(AMPLITUDE, self.pull_in)
 
         def one(omega: float) -> Iterator[tuple[str, _Place]]:
             first, kind = self._first(omega)
@@ -693,7 +699,7 @@ class ChartBuilder:
                 yield SLIP, _Place(omega, first, kind, self._slip(omega))
             system = self._system_at(omega)
             lowest = max(first, START_AMPLITUDE_RATIO * self.pull_in)  # of the search for impacts
-            begin = self.system.out(AMPLITUDE, lowest)
+            begin = self.system.units.out(AMPLITUDE, lowest)
             try:
                 on, kind, special, state = onset(system, begin, highest, watch)
                 yield ON, self._place(omega, on, kind, special)
@@ -734,7 +740,7 @@ class ChartBuilder:
     ) -> _Place:
         event = special.without_impact if special is not None else None
         kind = kind if special is None else special.kind
-        return _Place(omega, self.system.into(AMPLITUDE, amplitude), kind, event)
+        return _Place(omega, self.system.units.into(AMPLITUDE, amplitude), kind, event)
 
     def _joined_by_curves(self, ends: list[_Place]) -> Iterator[tuple[str, tuple[Point, ...]]]:
         """Yield the points at ascending frequencies, joined by curves where these connect them."""
@@ -793,7 +799,7 @@ class ChartBuilder:
         """Return a description of the special points at a frequency without grazing."""
         special_points = self._special(omega, lambda special: False)
         listed = [
-            f"a {s.kind} at {self.system.out(AMPLITUDE, s.value):.6g}" for s in special_points
+            f"a {s.kind} at {self.system.units.out(AMPLITUDE, s.value):.6g}" for s in special_points
         ]
         return (
             f"at {self._at(omega)} the orbit without impacts does not graze up to static contact "
@@ -802,18 +808,18 @@ class ChartBuilder:
 
     def _voltage(self, amplitude: float) -> str:
         """Return an amplitude as text, in the system's units."""
-        value = self.system.out(AMPLITUDE, amplitude)
-        return f"{self.system.label(AMPLITUDE)} = {value:.6g}"
+        value = self.system.units.out(AMPLITUDE, amplitude)
+        return f"{self.system.units.label(AMPLITUDE)} = {value:.6g}"
 
     def _system_at(self, omega: float) -> ActuatorSystem:
-        return self.system.changed(**{self.name: self.system.out(self.name, omega)})
+        return self.system.changed(**{self.name: self.system.units.out(self.name, omega)})
 
     def _number(self, omega: float) -> str:
-        return f"{self.system.out(self.name, omega):.9g}"
+        return f"{self.system.units.out(self.name, omega):.9g}"
 
     def _at(self, omega: float) -> str:
         """Return a frequency as text, in the system's units."""
-        return f"{self.system.label(self.name)} = {self._number(omega)}"
+        return f"{self.system.units.label(self.name)} = {self._number(omega)}"
 
     def _point(self, orbit: PeriodicOrbit) -> Point:
         """Return (omega, amplitude) of an orbit."""
@@ -909,7 +915,7 @@ class ChartBuilder:
         known_ends = len(self.marks & {left, right})
         omegas = np.linspace(left, right, crises + known_ends)
         omegas = omegas[[i for i, w in enumerate(omegas) if w not in self.marks]]
-        out = self.system.out
+        out = self.system.units.out
 
         def one(omega: float) -> Point | str:
             try:
@@ -928,7 +934,7 @@ class ChartBuilder:
                     periods=periods,
                     watch=watch,
                 )
-                return omega, self.system.into(AMPLITUDE, value)
+                return omega, self.system.units.into(AMPLITUDE, value)
             except OrbitError as error:
                 return f"crisis at {self._at(omega)}: {error}"
 
@@ -1080,7 +1086,7 @@ def operating_chart(
     columns = crises if columns is None else whole("columns", columns, 0)
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
     report = progress_line(progress)
-    ends = system.into(name, low), system.into(name, high)
+    ends = system.units.into(name, low), system.units.into(name, high)
     maker = ChartBuilder(system, options, steps, report, ends)
     try:
         maker.make(crises, columns, periods, workers)
@@ -1115,7 +1121,7 @@ def _range(
     except (TypeError, ValueError):
         raise InvalidParameter(name, bounds, allowed) from None
     low, high = (
-        usual if end is None else system.without_unit(name, end)
+        usual if end is None else system.units.parse(name, end)
         for end, usual in zip((given_low, given_high), _band(system), strict=True)
     )
     if not (is_number(low) and is_number(high) and 0.0 < low < high):

@@ -197,14 +197,14 @@ def ring_down(
     swing = (t[-1] - t[0]) / count
     ratio = decrement / math.hypot(2.0 * math.pi, decrement)
     return RingDown(
-        frequency=1.0 / float(free_system.scales.out(swing, "s")),
+        frequency=1.0 / float(free_system.units.scales.out(swing, "s")),
         decrement=decrement,
         damping_ratio=ratio,
         quality=0.5 / ratio,
-        time_constant=float(free_system.scales.out(swing / decrement, "s")),
-        time=float(free_system.scales.out(begin + reached, "s")),
+        time_constant=float(free_system.units.scales.out(swing / decrement, "s")),
+        time=float(free_system.units.scales.out(begin + reached, "s")),
         table=results.swings(begin + t, amplitude, free_system),
-        si=free_system.scales.named,
+        si=free_system.units.scales.named,
     )
 
 
@@ -282,7 +282,7 @@ def after_contacts(
     log = run.trajectory.events
     log = log[is_release(log)]
     stoppers = [each.name() for each in system.actuator.terms if each.replaced_rule == "stopper"]
-    rigid = ActuatorSystem(system.actuator.without(*stoppers), system.drive, system.scales)
+    rigid = ActuatorSystem(system.actuator.without(*stoppers), system.drive, system.units.scales)
     begin, state = 0.0, system.state_of(system.hybrid_state(start, system.problem(options)))
     if len(log):
         begin = float(log.cycle[-1] * run.trajectory.period + log.time[-1])

@@ -120,7 +120,7 @@ class SoftLanding(Result):
 
     def _si_unit(self, name: str) -> str:
         if self.si and name in self.values:
-            return str(self.closing.run.system.unit(name))
+            return str(self.closing.run.system.units.get(name, ""))
         return super()._si_unit(name)
 
 
@@ -235,7 +235,7 @@ def checked_bounds(
     for name, pair in over.items():
         if name not in allowed:
             raise InvalidParameter("over", name, f"among {', '.join(allowed)}")
-        unit = system.units.get(name, "") if system.scales.named else None
+        unit = system.units.get(name, "") if system.units.scales.named else None
         try:
             low, high = quantities(f"over {name}", pair, unit, "device")
         except (TypeError, ValueError) as error:
@@ -271,7 +271,7 @@ class Landing:
         self.step_speed = float(speeds.max()) if len(speeds) else math.nan
         self.system = ActuatorSystem(actuator, drive.lasting(2.0 * drive.switching_time))
         unit = self.step_speed if len(speeds) else 1.0
-        self.scale = float(self.system.into("impact speed", unit))
+        self.scale = float(self.system.units.into("impact speed", unit))
         self.history: list[tuple[float, Floats]] = []  # the best values so far, and their points
 
     def voltage(self, x: Floats) -> PulseAndHold:
@@ -330,11 +330,11 @@ class Landing:
         """Return the result of a search."""
         import pandas as pd
 
-        drive, in_units = self.voltage(x), self.system.scales.named
+        drive, in_units = self.voltage(x), self.system.units.scales.named
         rows = [
             {
                 **dict(zip(self.over, (self.low + point * self.size).tolist(), strict=True)),
-                "impact speed": self.system.out("impact speed", self.scale * math.sqrt(best)),
+                "impact speed": self.system.units.out("impact speed", self.scale * math.sqrt(best)),
             }
             for best, point in self.history
         ]

@@ -130,7 +130,7 @@ def life(
     >>> f"{mi.life(run, wear=1e-13, area=1e-8, depth=0.1e-6).blows:.2e}"
     '4.05e+09'
     """
-    si = isinstance(motion, ActuatorRun | ActuatorOrbit) and motion.system.scales.named
+    si = isinstance(motion, ActuatorRun | ActuatorOrbit) and motion.system.units.scales.named
     area = quantity("area", area, "m^2" if si else None, "device")
     depth = quantity("depth", depth, "m" if si else None, "device")
     wear = quantity("wear", wear, "m^2/N" if si else None, "device")  # m^3/(N m)
@@ -160,7 +160,7 @@ def life(
         blows=periods * blows if periods < math.inf else math.inf,
         time=periods * period,
         distance=periods * walked if walked != 0.0 else 0.0,
-        si=balance.system.scales.named,
+        si=balance.system.units.scales.named,
     )
 
 
@@ -169,9 +169,12 @@ def of_weight(system: ActuatorSystem) -> float:
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     p = accounted_problem(system, Options()).parameters.copy()
     p[eq.MU_S] = 1.0  # static friction is then the force itself
-    force, friction = float(system.scales.out(model.static_limit(p), "N")), system.actuator.mu_s
+    force, friction = (
+        float(system.units.scales.out(model.static_limit(p), "N")),
+        system.actuator.mu_s,
+    )
     if friction > MAX_FRICTION:
-        unit = " N" if system.scales.named else ""
+        unit = " N" if system.units.scales.named else ""
         problem = (
             f"the static friction of {friction * force:.4g}{unit} is {friction:.4g} times the "
             "weight, from which no normal force follows: give the normal force on the ground as "

@@ -119,7 +119,7 @@ class Controls:
             return spec.displayed(setting.values[spec.name])
 
         def changed(setting: PageSetting, new: float | str) -> PageSetting:
-            value = self._system.without_unit(spec.name, new) if isinstance(new, str) else None
+            value = self._system.units.parse(spec.name, new) if isinstance(new, str) else None
             if isinstance(value, str):
                 raise InvalidParameter(spec.name, new, "a number")
             return setting.with_value(spec.name, spec.value(float(new)) if value is None else value)

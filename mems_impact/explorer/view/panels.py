@@ -119,7 +119,7 @@ def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
     numbers = np.asarray(values, dtype=float)
     finite = numbers[np.isfinite(numbers)]
     size = float(np.abs(finite).max()) if finite.size else 0.0
-    factor, unit = best_si_prefix(system.unit(name), size)
+    factor, unit = best_si_prefix(system.units.get(name, ""), size)
     return factor, f" [{unit}]" if unit else ""
 
 
@@ -215,7 +215,7 @@ class BifurcationPanel:
         section_caption = "where periods begin" if system.forced else "maxima"
         if section is not None:
             crossed = system.states[section[0]]
-            section_caption = f"at {crossed} = {system.out(crossed, section[1]):g}"
+            section_caption = f"at {crossed} = {system.units.out(crossed, section[1]):g}"
         self.layout.yaxis.axis_label = f"{diagram.state}{unit} {section_caption}"
         self.show_message(diagram.message, stale=False)
         self.show(picture)
@@ -507,7 +507,9 @@ class PortraitPanel:
         for name in axes:
             if name == TIME:
                 factors[name] = picture.unit
-                captions[name] = "time / forcing period" if system.forced else system.label("time")
+                captions[name] = (
+                    "time / forcing period" if system.forced else system.units.label("time")
+                )
             else:
                 factors[name], unit_suffix = unit_for(system, name, curve[name])
                 captions[name] = name + unit_suffix
@@ -534,7 +536,7 @@ class PortraitPanel:
         self.cut.visible = name in axes
         if section is not None and name in axes:
             self.cut.dimension = "height" if name == x else "width"
-            self.cut.location = float(system.out(name, section[1])) / factors[name]
+            self.cut.location = float(system.units.out(name, section[1])) / factors[name]
 
 
 # --- States over time
@@ -587,7 +589,7 @@ class TimeSeriesPanel:
         factor = self.factors[names[0]]
         hits = picture.motion.hits
         self.hits.data = {"t": hits["t"] / unit, "value": hits[f"{names[0]} after"] / factor}
-        caption = "time / forcing period" if system.forced else system.label("time")
+        caption = "time / forcing period" if system.forced else system.units.label("time")
         self.figures[-1].xaxis.axis_label = caption
         slips = np.array(picture.slips).reshape(-1, 2) / unit
         self.strips.data = {"start": slips[:, 0], "end": slips[:, 1]}

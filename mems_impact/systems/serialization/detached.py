@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
@@ -22,6 +23,7 @@ from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import State
 from mems_impact.systems.statistics import measure_names
+from mems_impact.systems.units import Units
 from mems_impact.systems.window_statistics import TimeWindow
 
 __all__ = ["DetachedSystem", "check_same_system", "describe"]
@@ -52,7 +54,7 @@ def describe(system: HybridSystem, functions: Mapping[str, str]) -> dict[str, An
         "cyclic": automaton.cyclic,
         "parameters": system.parameters,
         "units": dict(system.units),
-        "scales": system.scales,
+        "scales": system.units.scales,
         "typical": system.typical,
         "section": system.section,
         "initial": system.initial,
@@ -172,17 +174,10 @@ class DetachedSystem(HybridSystem):
             transition=_missing_function,
         )
 
-    @property
-    def units(self) -> Mapping[str, str]:
+    @cached_property
+    def units(self) -> Units:
         """Units of states, parameters, observables and times."""
-        units: dict[str, str] = self._description["units"]
-        return units
-
-    @property
-    def scales(self) -> Scales:
-        """The units of the scaled variables."""
-        scales: Scales = self._description["scales"]
-        return scales
+        return Units(self._description["units"], self._description["scales"])
 
     @property
     def initial(self) -> State:
