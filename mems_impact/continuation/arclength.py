@@ -97,7 +97,7 @@ def tangent(point: Linearized, direction: Floats | None = None) -> Floats:
     """
     stored = vars(point)
     if "_null_vector" not in stored:  # of a point it is needed several times
-        stored["_null_vector"] = null_vector(np.hstack([point.jacobian, point.by_parameter]))
+        stored["_null_vector"] = null_vector(point.derivatives)
     vector = stored["_null_vector"]
     forward = vector[-1] if direction is None else vector @ direction
     return np.asarray(vector if forward >= 0.0 else -vector)
@@ -131,7 +131,7 @@ def correct(
 
     def extended(u: Floats) -> tuple[P, Floats, Floats]:
         point = equations.evaluate(u[:-1], u[-1:])
-        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), direction])
+        matrix = np.vstack([point.derivatives, direction])
         return point, np.append(point.residual, direction @ (u - plane)), matrix
 
     return newton(

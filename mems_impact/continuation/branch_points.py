@@ -30,7 +30,7 @@ def regularity(point: Linearized, direction: Floats) -> float:
 
     The value has the sign of the determinant. It is zero at a branch point and nonzero at a fold.
     """
-    matrix = np.vstack([_derivatives(point), direction])
+    matrix = np.vstack([point.derivatives, direction])
     if is_sparse(matrix):
         try:
             factors = SparseFactorization(matrix)
@@ -139,7 +139,7 @@ def extended_equations(
     """
     x, beta, size = u[:-1], u[-1], border.size
     point = equations.evaluate(x[:size], x[size:])
-    derivatives = _derivatives(point)
+    derivatives = point.derivatives
     bordered = np.zeros((size + 2, size + 2))
     bordered[:size, :-1], bordered[:size, -1] = derivatives[:, : size + 1], border
     bordered[size:, :-1] = kernel
@@ -156,7 +156,7 @@ def extended_equations(
 
 def null_vectors(point: Linearized) -> tuple[Floats, Floats]:
     """Return the left null vector at a branch point in the first parameter, and the kernel."""
-    left, _, rows = np.linalg.svd(_derivatives(point)[:, : point.unknowns.size + 1])
+    left, _, rows = np.linalg.svd(point.derivatives[:, : point.unknowns.size + 1])
     return left[:, -1], rows[-2:]
 
 
@@ -169,13 +169,13 @@ def second_derivatives(equations: Solvable[P], point: P, v: Floats) -> Floats:
     if isinstance(equations, EquilibriumEquations):
         return equations.derivatives_along(point, v)
     x, size = np.concatenate([point.unknowns, point.values]), point.unknowns.size
-    center, failure = _derivatives(point), OrbitError(NOT_LOCATED, "take a shorter step", point)
+    center, failure = point.derivatives, OrbitError(NOT_LOCATED, "take a shorter step", point)
     smallest = ROUNDING_RATIO * float(np.linalg.norm(center))
     second = None
     for step in KERNEL_STEPS.tolist():
         try:
             up, down = (
-                _derivatives(equations.evaluate(each[:size], each[size:]))
+                equations.evaluate(each[:size], each[size:]).derivatives
                 for each in (x + step * v, x - step * v)
             )
         except OrbitError as error:
@@ -188,7 +188,3 @@ def second_derivatives(equations: Solvable[P], point: P, v: Floats) -> Floats:
     if second is None:
         raise failure
     return second
-
-
-def _derivatives(point: Linearized) -> Floats:
-    return np.hstack([point.jacobian, point.by_parameter])

@@ -63,7 +63,7 @@ def branch_direction(step: PredictorStep[P], point: P) -> Floats:
     passed = _whole(point) - step.start
     size = float(np.linalg.norm(passed))
     direction = passed / size if size > RESIDUAL_TOLERANCE else step.direction
-    kernel = np.linalg.svd(_derivatives(point))[2][-2:]
+    kernel = np.linalg.svd(point.derivatives)[2][-2:]
     projected = kernel.T @ (kernel @ direction)
     size = float(np.linalg.norm(projected))
     return np.asarray(projected / size) if size > 0.0 else direction
@@ -105,7 +105,7 @@ class CrossingBranch(Generic[P]):
 
     def __init__(self, equations: Solvable[P], point: P, direction: Floats) -> None:
         self._equations, self._start = equations, _whole(point)
-        left, _, rows = np.linalg.svd(_derivatives(point))
+        left, _, rows = np.linalg.svd(point.derivatives)
         self._left, self._kernel = left[:, -1], rows[-2:]
         first = self._unit(self._kernel @ direction)
         seconds, rate = self._seconds(point), 1.0
@@ -192,7 +192,7 @@ class CrossingBranch(Generic[P]):
         free = np.array([-x[1], x[0]]) @ self._kernel / max(float(np.linalg.norm(x)), PARALLEL_SINE)
         errors = point.residual, self._equations.integration_error(point)
         error = sum(abs(float(self._left @ each)) for each in errors)
-        slope = abs(float(self._left @ _derivatives(point) @ free))
+        slope = abs(float(self._left @ point.derivatives @ free))
         return np.zeros(free.size) if error == 0.0 else free * np.divide(error, slope)
 
     def _is_beside(self, point: P, found: list[FirstPoint[P]]) -> bool:
@@ -280,7 +280,7 @@ class CrossingBranch(Generic[P]):
             point = self._equations.evaluate(u[:-2], u[-2:-1])
             size = self._left.size
             matrix = np.zeros((size + 2, size + 2))
-            matrix[:size, :-1], matrix[:size, -1] = _derivatives(point), self._left
+            matrix[:size, :-1], matrix[:size, -1] = point.derivatives, self._left
             matrix[size:, :-1] = self._kernel
             residual = point.residual + u[-1] * self._left
             rest = self._kernel @ (u[:-1] - self._start) - position
@@ -359,7 +359,3 @@ def _oriented(direction: Floats) -> Floats:
 
 def _whole(point: Linearized) -> Floats:
     return np.concatenate([point.unknowns, point.values])
-
-
-def _derivatives(point: Linearized) -> Floats:
-    return np.hstack([point.jacobian, point.by_parameter])

@@ -105,7 +105,7 @@ class CriticalVectors:
 
         def jacobian(x: Floats) -> Floats:
             at = self.shooting.evaluate(point.unknowns + x, point.values) if x.any() else point
-            return np.hstack([at.jacobian, at.by_parameter])
+            return at.derivatives
 
         parts = (right.real, right.imag) if np.iscomplexobj(right) else (right,)
         return tuple(self.differentiate(jacobian, part, size) for part in parts)

@@ -212,8 +212,7 @@ class CurveProblem(ContinuationProblem[P, N, CurveEvent[N]]):
 
 def curve_direction(point: Linearized, gradient: Floats) -> Floats:
     """Return a unit tangent of the curve at a point, of arbitrary sign."""
-    rows = np.hstack([point.jacobian, point.by_parameter]), gradient
-    return null_vector(np.vstack(rows))
+    return null_vector(np.vstack([point.derivatives, gradient]))
 
 
 def correct_condition(
@@ -242,7 +241,7 @@ def correct_condition(
             gradient = gradient + missed * moved / (moved @ moved)
         last = u, level
         residual = np.concatenate([point.residual, [level, direction @ (u - plane)]])
-        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient, direction])
+        matrix = np.vstack([point.derivatives, gradient, direction])
         return point, residual, matrix
 
     return newton(

@@ -681,7 +681,7 @@ def at_level(
 
     def equations(u: Floats) -> tuple[ShootingEvaluation, Floats, Floats]:
         point = shooting.evaluate(u[:-1], u[-1:])
-        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient])
+        matrix = np.vstack([point.derivatives, gradient])
         return point, np.append(point.residual, condition.value(point) - level), matrix
 
     reason = "the orbits of the other signature could not be corrected"

@@ -819,8 +819,8 @@ def _refined(
 def _matrix_error(shooting: Shooting, point: ShootingEvaluation) -> float:
     """Return the error of the derivatives of the equations, by smaller tolerances and steps."""
     refined = shooting.refined.evaluate(point.unknowns, point.values)
-    one, other = (np.hstack([each.jacobian, each.by_parameter]) for each in (refined, point))
-    return MATRIX_ERROR_SAFETY * float(np.linalg.norm(one - other, 2))
+    change = refined.derivatives - point.derivatives
+    return MATRIX_ERROR_SAFETY * float(np.linalg.norm(change, 2))
 
 
 def _jumps(before: Spectrum, after: Spectrum) -> bool:

@@ -21,6 +21,7 @@ from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.integrators.dual_numbers import copy_for_tangents, derivatives
 from mems_impact.orbits.family import Family
+from mems_impact.orbits.linear_equations import Linearization
 from mems_impact.orbits.newton import solve_at
 from mems_impact.orbits.spectrum import eigenvalues_stable
 
@@ -33,7 +34,7 @@ EQUILIBRIUM_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an adm
 
 
 @dataclass(frozen=True, eq=False)
-class EquilibriumEvaluation:
+class EquilibriumEvaluation(Linearization):
     """One evaluation of the equations of an equilibrium: the flow is zero.
 
     Attributes
@@ -45,15 +46,14 @@ class EquilibriumEvaluation:
     residual : float array, shape (f,)
         Their time derivatives. In a mode with a constraint manifold: those at the projected state,
         plus the change by the projection, so that distances from the manifold decay at rate one.
-    jacobian : float array, shape (f, f)
-    by_parameter : float array, shape (f, k)
+    derivatives : float array, shape (f, f + k)
+        By the unknowns and the active parameters.
     """
 
     unknowns: Floats
     values: Floats
     residual: Floats
-    jacobian: Floats
-    by_parameter: Floats
+    derivatives: Floats
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,7 @@ class EquilibriumEquations:
             raise OrbitError(
                 f"the flow is not defined at {location}: {error}", "take another guess"
             ) from error
-        jacobian, by_parameter = np.hsplit(derivatives, [unknowns.size])
-        return EquilibriumEvaluation(unknowns, values, residual, jacobian, by_parameter)
+        return EquilibriumEvaluation(unknowns, values, residual, derivatives)
 
     def derivatives_along(self, point: EquilibriumEvaluation, *vectors: Floats) -> Floats:
         """Return a derivative of the equations of second or third order, shape (f, f + k).

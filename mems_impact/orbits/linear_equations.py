@@ -12,7 +12,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 
-__all__ = ["SparseFactorization", "is_sparse", "null_vector", "solve_linear"]
+__all__ = ["Linearization", "SparseFactorization", "is_sparse", "null_vector", "solve_linear"]
 
 SPARSE_SIZE = 64  # least size of a matrix that is factorized sparsely
 # Least size of a matrix whose null vector is that of a bordered matrix: a singular value
@@ -21,6 +21,23 @@ BORDERED_SIZE = 12
 MAX_DENSITY = 0.2  # largest part of nonzeros of such a matrix
 INVERSE_ITERATIONS = 4  # for a smallest singular value
 MAX_BORDERED_NORM = 1.01  # of the null vector in units of a unit border that is nearly parallel
+
+
+class Linearization:
+    """Equations at a point with their derivatives, by the unknowns and the active parameters."""
+
+    unknowns: Floats
+    derivatives: Floats
+
+    @property
+    def jacobian(self) -> Floats:
+        """Derivatives by the unknowns; square."""
+        return self.derivatives[:, : self.unknowns.size]
+
+    @property
+    def by_parameter(self) -> Floats:
+        """Derivatives by the active parameters, shape (len(unknowns), k)."""
+        return self.derivatives[:, self.unknowns.size :]
 
 
 class SparseFactorization:

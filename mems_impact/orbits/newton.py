@@ -46,6 +46,10 @@ class Linearized(Protocol):
         """Shape (size,)."""
 
     @property
+    def derivatives(self) -> Floats:
+        """Derivatives by the unknowns and the active parameters, shape (size, size + k)."""
+
+    @property
     def jacobian(self) -> Floats:
         """Derivatives by the unknowns, shape (size, size)."""
 

@@ -35,13 +35,17 @@ from mems_impact.hybrid.variational.derivatives import Arc, Event, Variational, 
 from mems_impact.hybrid.variational.saltation import NO_EVENT
 from mems_impact.integrators.options import MIN_RTOL
 from mems_impact.orbits.family import Family, ParameterPoint
+from mems_impact.orbits.linear_equations import Linearization
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 
 # --- Layout of the shooting equations
 
 
 class UnknownLayout:
-    """Rows and columns of the shooting equations, which depend on the signature only."""
+    """Rows and columns of the shooting equations, which depend on the signature only.
+
+    Derivatives are those by the unknowns, then those by the active parameters.
+    """
 
     def __init__(self, shooting: Shooting) -> None:
         segments, events, f = shooting.segments, shooting.events, len(shooting.free)
@@ -52,7 +56,7 @@ class UnknownLayout:
         self.segment = np.repeat(np.arange(n_segments), np.diff(self.first))
         spans = [span for each in marks for span in pairwise(each)]
         self.begin, self.end = np.array(spans, dtype=float).reshape(count, 2).T
-        size = f * count + len(events) + (shooting.phase is not None)
+        self.size = size = f * count + len(events) + (shooting.phase is not None)
         ends = [NO_EVENT if s.code == BOUNDARY else s.code for s in segments]
         self.codes = np.array([(segments[i].mode, NO_EVENT) for i in self.segment], dtype=np.int64)
         self.codes[self.last, 1] = ends
@@ -60,58 +64,55 @@ class UnknownLayout:
         self.events = np.array(events, dtype=np.int64)
         # Segments that start at the end of the previous one, not with a period.
         self.follows = np.array(
-            [i > 0 and segments[i - 1].cycle == s.cycle for i, s in enumerate(segments)]
+            [i for i in range(1, n_segments) if segments[i - 1].cycle == segments[i].cycle], int
         )
-        self.by_end, self.by_start = np.zeros((n_segments, size)), np.zeros((n_segments, size))
-        self.by_end[self.events, f * count + np.arange(len(events))] = shooting.unit
-        self.period_ends = np.array(ends) == NO_EVENT
+        # The ends that are unknowns, and their derivatives
+        self.ends = np.zeros((n_segments, 1 + size + len(shooting.active)))
+        self.ends[self.events, 1 + f * count + np.arange(len(events))] = shooting.unit
+        self.period_ends = np.flatnonzero(np.array(ends) == NO_EVENT)
         if shooting.phase is not None:
-            self.by_end[self.period_ends, -1] = shooting.unit
-        self.by_start[self.follows] = self.by_end[:-1][self.follows[1:]]
-        self.piece_by_start, self.piece_by_end = self.divided(self.by_start, self.by_end)
+            self.ends[self.period_ends, size] = shooting.unit
+        self.at_switch = np.flatnonzero(np.array(ends) == shooting.automaton.switch_code)
+        self.switch = np.array([segments[i].switch for i in self.at_switch], dtype=np.int64)
         # The row of an event's margin precedes those of the states after it.
         self.ended = self.last[self.events]  # pieces
         first = np.cumsum([i in self.ended for i in range(count)]) + f * np.arange(count)
         self.state_rows = first[:, None] + np.arange(f)
         self.guard_rows = first[self.ended] - 1
         columns = f * np.arange(count)[:, None] + np.arange(f)
-        self.identity = np.zeros((size, size))
+        self.identity = np.zeros((size, self.ends.shape[1] - 1))
         self.identity[self.state_rows, np.roll(columns, -1, axis=0)] = 1.0
-        self.own_state_block = (
-            *np.ix_(range(count), range(shooting.n), range(f))[:2],
-            columns[:, None],
-        )
-        self.at_switch = np.array(ends) == shooting.automaton.switch_code
-        self.switch = np.array([s.switch for s in segments], dtype=np.int64)
+        self.own_states = np.zeros((count, f, self.ends.shape[1] - 1))
+        self.own_states[np.arange(count)[:, None], np.arange(f), columns] = 1.0
+        self.next = np.roll(np.arange(count), -1)
+        # A slice, which copies nothing, if all components are free
+        self.free = shooting.free if f < shooting.n else slice(None)
 
     def divided(self, starts: Floats, ends: Floats) -> tuple[Floats, Floats]:
         """Return the values at the starts and ends of all pieces, from those of the segments.
 
         The values are linear in time within a segment. Shapes (N, …) and (P, …).
         """
+        if len(self.segment) == len(starts):
+            return starts, ends
         shape = (-1, *(1,) * (starts.ndim - 1))
         starts, ends = starts[self.segment], ends[self.segment]
         begin, end = self.begin.reshape(shape), self.end.reshape(shape)
         return (1.0 - begin) * starts + begin * ends, (1.0 - end) * starts + end * ends
 
-    def instants(self, at: ParameterPoint, times: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return starts and ends of the segments, and their derivatives by the parameters.
+    def instants(self, at: ParameterPoint, times: Floats) -> tuple[Floats, Floats]:
+        """Return starts and ends of the segments: the times, then their derivatives.
 
-        Shapes (N,), (N,), (N, k), (N, k). The derivatives are nonzero only for ends that are not
-        unknowns.
+        Shapes (N, 1 + unknowns + k).
         """
-        count = len(self.switch)
-        ends, end_rates = np.zeros(count), np.zeros((count, at.values.size))
-        ends[self.events] = times
-        ends[self.period_ends], end_rates[self.period_ends] = at.period, at.period_rates
-        if self.at_switch.any():
-            switch = self.switch[self.at_switch]
-            ends[self.at_switch] = at.switches[switch]
-            end_rates[self.at_switch] = at.switch_rates[:, switch].T
-        starts, start_rates = np.zeros(count), np.zeros_like(end_rates)
-        starts[self.follows] = ends[:-1][self.follows[1:]]
-        start_rates[self.follows] = end_rates[:-1][self.follows[1:]]
-        return starts, ends, start_rates, end_rates
+        ends, starts, rates = self.ends.copy(), np.zeros_like(self.ends), 1 + self.size
+        ends[self.events, 0] = times
+        ends[self.period_ends, 0], ends[self.period_ends, rates:] = at.period, at.period_rates
+        if self.at_switch.size:
+            ends[self.at_switch, 0] = at.switches[self.switch]
+            ends[self.at_switch, rates:] = at.switch_rates[:, self.switch].T
+        starts[self.follows] = ends[self.follows - 1]
+        return starts, ends
 
     def piece_times(self, starts: Floats, ends: Floats) -> Floats:
         """Return the times of pieces for `Variational.traverse`."""
@@ -193,7 +194,7 @@ TIME_SCALE_RATIO = 1.5  # ratio of time scales from which the step bounds are re
 
 
 @dataclass(frozen=True, eq=False)
-class ShootingEvaluation:
+class ShootingEvaluation(Linearization):
     """One evaluation of the equations.
 
     Attributes
@@ -203,16 +204,15 @@ class ShootingEvaluation:
         The problem's numbers at the values of the active parameters; the period is that of the
         cycle if the system is autonomous.
     residual : float array, shape of `unknowns`
-    jacobian : float array
-        Derivatives by the unknowns; square.
-    by_parameter : float array, shape (len(unknowns), k)
+    derivatives : float array, shape (len(unknowns), len(unknowns) + k)
+        Of the residual, by the unknowns and the active parameters.
     arcs : tuple of Arc
     events : tuple of Event or None
         One per segment; None if it ends with the period.
     starts, ends : float array, shape (N,)
         Times of the segments, each since the start of its period.
-    end_by_unknown, end_by_parameter : float array, shapes (N, n, unknowns), (N, n, k)
-        Derivatives of the states at the ends, before the events.
+    end_derivatives : float array, shape (N, n, len(unknowns) + k)
+        Of the states at the ends, before the events.
     pieces : tuple of Arc
         Arcs of the pieces of segments with nodes; empty if there are none.
     """
@@ -220,14 +220,12 @@ class ShootingEvaluation:
     unknowns: Floats
     parameter_point: ParameterPoint
     residual: Floats
-    jacobian: Floats
-    by_parameter: Floats
+    derivatives: Floats
     arcs: tuple[Arc, ...]
     events: tuple[Event | None, ...]
     starts: Floats
     ends: Floats
-    end_by_unknown: Floats
-    end_by_parameter: Floats
+    end_derivatives: Floats
     pieces: tuple[Arc, ...] = ()
     _matrices: dict[object, Floats] = field(
         default_factory=dict, init=False, repr=False, compare=False
@@ -270,19 +268,6 @@ class SegmentPiece(NamedTuple):
     end: float
     state: Floats
     arc: Arc
-
-
-class Sensitivities(NamedTuple):
-    """Derivatives of the states of P pieces.
-
-    Attributes
-    ----------
-    by_unknown : float array, shape (P, n, unknowns)
-    by_parameter : float array, shape (P, n, k)
-    """
-
-    by_unknown: Floats
-    by_parameter: Floats
 
 
 class Shooting:
@@ -408,10 +393,14 @@ class Shooting:
         """Return the states at the starts of all pieces, shape (P, n), and the event times."""
         f, count = len(self.free), self.layout.segment.size
         states = np.zeros((count, self.n))
-        states[:, self.free] = unknowns[: f * count].reshape(count, f)
+        states[:, self.layout.free] = unknowns[: f * count].reshape(count, f)
         # The sign of a component that a transition sets to zero must not be that of rounding.
         states[np.abs(states) < ZERO_COMPONENT] = 0.0
         return states, self.unit * unknowns[f * count : f * count + len(self.events)]
+
+    def instants(self, point: ShootingEvaluation) -> tuple[Floats, Floats]:
+        """Return starts and ends of the segments with their derivatives, see `UnknownLayout`."""
+        return self.layout.instants(point.parameter_point, self.unpack(point.unknowns)[1])
 
     def pieces(self, point: ShootingEvaluation) -> Iterator[SegmentPiece]:
         """Yield the pieces of the segments, in order."""
@@ -451,7 +440,7 @@ class Shooting:
         """
         # Corrections at fixed values request the same numbers repeatedly.
         last = self._last or self._first
-        if not np.array_equal(last.values, values):
+        if last.values.tolist() != values.tolist():
             at = ParameterPoint.of(self.family, self.active, values)
             if self.phase is None:
                 at.check_period(self.family, self.active, last)
@@ -481,44 +470,54 @@ class Shooting:
         OrbitError
             If an arc cannot be integrated.
         """
-        at, layout, free = self.parameter_point(values), self.layout, self.free
+        at, layout, free = self.parameter_point(values), self.layout, self.layout.free
         if self.phase is not None:
             at = at.with_period(self.unit * float(unknowns[-1]))
-        k, scales = len(self.active), at.scales
         states, times = self.unpack_pieces(unknowns)
-        segment_starts, segment_ends, *rates = layout.instants(at, times)
+        segment_starts, segment_ends = layout.instants(at, times)
         starts, ends = layout.divided(segment_starts, segment_ends)
-        start_rates, end_rates = layout.divided(*rates)
         arcs, events = self.variational(at).traverse(
-            layout.codes, states, layout.piece_times(starts, ends)
+            layout.codes, states, layout.piece_times(starts[:, 0], ends[:, 0])
         )
-        end = self._sensitivities_at_end(arcs, scales, start_rates, end_rates)
-        after = self._sensitivities_after(events, end, scales, end_rates)
+        size, end_rates = layout.size, ends[:, None, 1:]
+
+        def add(values: Floats, rates: Floats, by_end: Floats, by_parameter: Floats) -> Floats:
+            values += by_end[..., None] * rates
+            values[..., size:] += by_parameter[..., : len(self.active)] * at.scales
+            return values
+
+        # A later start shortens the arc.
+        initial = layout.own_states - arcs.slope_start[:, free, None] * starts[:, None, 1:]
+        end = add(arcs.by_state @ initial, end_rates, arcs.slope_end, arcs.by_parameter)
+        after = add(
+            events.jump_by_state @ end, end_rates, events.jump_by_time, events.jump_by_parameter
+        )
         # The next state is the state after the event.
-        residual, by_parameter = np.zeros(unknowns.size), np.zeros((unknowns.size, k))
-        jacobian = layout.identity.copy()
+        residual, derivatives = np.empty(size), layout.identity.copy()
         rows = layout.state_rows
-        residual[rows] = np.roll(states, -1, axis=0)[:, free] - events.after[:, free]
-        jacobian[rows] -= after.by_unknown[:, free]
-        by_parameter[rows] = -after.by_parameter[:, free]
+        residual[rows] = (states[layout.next] - events.after)[:, free]
+        derivatives[rows] -= after[:, free]
         # The margin of the guard is zero at its event.
-        rows, ended, guards = layout.guard_rows, layout.ended, layout.guards
-        gradient = events.margin_by_state[ended, guards][:, None]
-        residual[rows] = events.margins[ended, guards]
-        jacobian[rows] = (gradient @ end.by_unknown[ended])[:, 0]
-        jacobian[rows] += events.margin_by_time[ended, guards][:, None] * layout.piece_by_end[ended]
-        by_parameter[rows] = (gradient @ end.by_parameter[ended])[:, 0]
-        by_parameter[rows] += events.margin_by_parameter[ended, guards, :k] * scales
+        ended, guards = layout.ended, layout.guards
+        by_state, by_time, by_parameter = (
+            each[ended, guards][:, None]
+            for each in (
+                events.margin_by_state, events.margin_by_time, events.margin_by_parameter
+            )
+        )  # fmt: skip
+        margins = add(by_state @ end[ended], end_rates[ended], by_time, by_parameter)
+        residual[layout.guard_rows] = events.margins[ended, guards]
+        derivatives[layout.guard_rows] = margins[:, 0]
         # A pinned sum keeps its value; it replaces an equation that holds anyway.
         for c, factors in self.pinned.items():
             row = layout.state_rows[-1, c]
             level = float(np.array(factors) @ states[0, free])
             residual[row] = level - self._levels.setdefault(c, level)
-            jacobian[row], by_parameter[row] = 0.0, 0.0
-            jacobian[row, : len(factors)] = factors
+            derivatives[row] = 0.0
+            derivatives[row, : len(factors)] = factors
         if self.phase is not None:
             start, normal = states[0, free], np.array(self.phase.normal)
-            residual[-1], jacobian[-1, : normal.size] = normal @ start - self.phase.level, normal
+            residual[-1], derivatives[-1, : normal.size] = normal @ start - self.phase.level, normal
         pieces = tuple(map(Arc._make, zip(*arcs, strict=True)))
         transitions = tuple(map(Event._make, zip(*events, strict=True)))
         last = layout.last
@@ -526,60 +525,24 @@ class Shooting:
             unknowns=unknowns,
             parameter_point=at,
             residual=residual,
-            jacobian=jacobian,
-            by_parameter=by_parameter,
+            derivatives=derivatives,
             arcs=pieces,
             events=tuple(
                 transitions[i] if layout.codes[i, 1] != NO_EVENT else None for i in last.tolist()
             ),
-            starts=segment_starts,
-            ends=segment_ends,
-            end_by_unknown=end.by_unknown[last],
-            end_by_parameter=end.by_parameter[last],
+            starts=segment_starts[:, 0],
+            ends=segment_ends[:, 0],
+            end_derivatives=end[last],
         )
         if not any(self.nodes):
             return point
         # The gains of cyclic components, which the equations do not contain, add up.
-        cyclic = list(self.automaton.cyclic)
-        inner = arcs.slope_start[:, cyclic, None] * (layout.begin > 0.0)[:, None, None]
-        for joined, each, by_start in (
-            (point.end_by_unknown, end.by_unknown, layout.piece_by_start),
-            (point.end_by_parameter, end.by_parameter, start_rates),
-        ):
-            gains = each[:, cyclic] - inner * by_start[:, None]
-            joined[:, cyclic] = np.add.reduceat(gains, layout.first[:-1])
+        cyclic, inner = list(self.automaton.cyclic), (layout.begin > 0.0)[:, None, None]
+        gains = end[:, cyclic] - inner * arcs.slope_start[:, cyclic, None] * starts[:, None, 1:]
+        point.end_derivatives[:, cyclic] = np.add.reduceat(gains, layout.first[:-1])
         spans = pairwise(layout.first.tolist())
-        segments = tuple(_joined(pieces[a:b], free, cyclic) for a, b in spans)
+        segments = tuple(_joined(pieces[a:b], self.free, cyclic) for a, b in spans)
         return replace(point, arcs=segments, pieces=pieces)
-
-    def _sensitivities_at_end(
-        self, arcs: Arc, scales: Floats, start_rates: Floats, end_rates: Floats
-    ) -> Sensitivities:
-        """Return the sensitivities of the states at the ends, before the events."""
-        layout, free, k = self.layout, self.free, len(self.active)
-        by_start = -(arcs.by_state @ arcs.slope_start[:, free, None])  # a later start: shorter arc
-        by_end = arcs.slope_end[:, :, None]
-        by_unknown = by_start * layout.piece_by_start[:, None]
-        by_unknown = by_unknown + by_end * layout.piece_by_end[:, None]
-        by_unknown[layout.own_state_block] += arcs.by_state
-        by_parameter = (
-            arcs.by_parameter[:, :, :k] * scales
-            + by_start * start_rates[:, None]
-            + by_end * end_rates[:, None]
-        )
-        return Sensitivities(by_unknown, by_parameter)
-
-    def _sensitivities_after(
-        self, events: Event, end: Sensitivities, scales: Floats, end_rates: Floats
-    ) -> Sensitivities:
-        """Return the sensitivities of the states after the events, from those before."""
-        jump, by_time = events.jump_by_state, events.jump_by_time[:, :, None]
-        return Sensitivities(
-            jump @ end.by_unknown + by_time * self.layout.piece_by_end[:, None],
-            jump @ end.by_parameter
-            + events.jump_by_parameter[:, :, : len(self.active)] * scales
-            + by_time * end_rates[:, None],
-        )
 
     def problem(self, point: ShootingEvaluation) -> Problem:
         """Return the problem at a point; of a limit cycle, with its period as the unit of time."""
@@ -735,10 +698,8 @@ def _joined(pieces: Sequence[Arc], free: list[int], cyclic: list[int]) -> Arc:
 
 def length_gradient(shooting: Shooting, point: ShootingEvaluation, i: int) -> Floats:
     """Return the derivatives of the length of segment `i`."""
-    layout, times = shooting.layout, shooting.unpack(point.unknowns)[1]
-    _, _, start_rates, end_rates = layout.instants(point.parameter_point, times)
-    by_unknown = layout.by_end[i] - layout.by_start[i]
-    return np.append(by_unknown, end_rates[i] - start_rates[i])
+    starts, ends = shooting.instants(point)
+    return np.asarray((ends - starts)[i, 1:])
 
 
 def rate_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard: int) -> Floats:
@@ -747,11 +708,11 @@ def rate_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard: 
     if event is None or i not in shooting.events:
         raise OrbitError(f"segment {i} does not end with a guard", "take another point")
     row = shooting.m + guard  # rates follow the margins
-    by_end = event.margin_by_state[row]
-    by_unknown = by_end @ point.end_by_unknown[i]
-    by_unknown = by_unknown + float(event.margin_by_time[row]) * shooting.layout.by_end[i]
+    gradient = event.margin_by_state[row] @ point.end_derivatives[i]
+    gradient += float(event.margin_by_time[row]) * shooting.instants(point)[1][i, 1:]
     by_parameter = event.margin_by_parameter[row, :k] * point.parameter_point.scales
-    return np.append(by_unknown, by_end @ point.end_by_parameter[i] + by_parameter)
+    gradient[shooting.layout.size :] += by_parameter
+    return np.asarray(gradient)
 
 
 def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard: int) -> Floats:
@@ -774,9 +735,8 @@ def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard:
     f = len(shooting.free)
     by_state, by_parameter = by_column[:f], by_column[f : f + k]
     by_parameter = (by_parameter + event.margin_by_parameter[guard, :k]) * at.scales
-    by_start = -float(by_state @ arc.slope_start[shooting.free])
-    _, _, *rates = layout.instants(at, shooting.unpack(point.unknowns)[1])
-    start_rates, _ = layout.divided(*rates)
-    by_unknown = by_start * layout.piece_by_start[number]
-    by_unknown[f * number : f * (number + 1)] += by_state
-    return np.append(by_unknown, by_parameter + by_start * start_rates[number])
+    starts, _ = layout.divided(*shooting.instants(point))
+    gradient = -float(by_state @ arc.slope_start[shooting.free]) * starts[number, 1:]
+    gradient[f * number : f * (number + 1)] += by_state
+    gradient[layout.size :] += by_parameter
+    return np.asarray(gradient)

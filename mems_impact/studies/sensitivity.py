@@ -91,14 +91,14 @@ class TangentOrbit:
         at = shooting.parameter_point(np.array([value]))
         if shooting.phase is not None:
             at = at.with_period(shooting.unit * float(unknowns[-1]))
-        starts, ends, _, _ = shooting.layout.instants(at, shooting.unpack(unknowns)[1])
+        starts, ends = shooting.layout.instants(at, shooting.unpack(unknowns)[1])
         moved = [self._moved(i, step) for i in range(len(before.arcs))]
         point = replace(
             before,
             unknowns=unknowns,
             parameter_point=at,
-            starts=starts,
-            ends=ends,
+            starts=starts[:, 0],
+            ends=ends[:, 0],
             arcs=tuple(arc for arc, _ in moved),
             events=tuple(event for _, event in moved),
         )
@@ -128,11 +128,9 @@ class TangentOrbit:
         shooting, point = self._shooting, self._point
         arc, event = point.arcs[i], point.events[i]
         guard_number = shooting.segments[i].guard(shooting.m)
-        layout, times = shooting.layout, shooting.unpack(point.unknowns)[1]
-        _, _, start_rates, end_rates = layout.instants(point.parameter_point, times)
-        end = point.end_by_unknown[i] @ self._rate + point.end_by_parameter[i, :, 0]
+        begins, instant = (each[i, 1:] @ self._direction for each in shooting.instants(point))
+        end = point.end_derivatives[i] @ self._direction
         # A later start reduces the gain of cyclic states, which are not part of the equations.
-        begins = float(layout.by_start[i] @ self._rate + start_rates[i, 0])
         cyclic = list(shooting.automaton.cyclic)
         end[cyclic] -= begins * arc.slope_start[cyclic]
         minima = np.zeros(shooting.m)
@@ -140,7 +138,6 @@ class TangentOrbit:
             minima[guard] = touch_gradient(shooting, point, i, guard) @ self._direction
         if event is None:
             return end, end, minima, 0.0
-        instant = layout.by_end[i] @ self._rate + end_rates[i, 0]
         after = event.jump_by_state @ end + event.jump_by_time * instant
         after = after + event.jump_by_parameter[:, 0] * point.parameter_point.scales[0]
         rate = 0.0

@@ -21,8 +21,8 @@ from mems_impact.hybrid.variational.flow import (
 )
 from mems_impact.hybrid.variational.saltation import (
     NO_EVENT,
-    SegmentBatch,
     propagate_segments,
+    segment_fields,
     variational_workspace,
 )
 
@@ -116,11 +116,13 @@ class Variational:
 
         self._time_scale = problem.time_scale or problem.period
         self._binding, (tangents, self._kernel) = exact_or_not(automaton, build)
-        self._variational = variational_workspace(problem, self.k, self._size, tangents)
-        # State and columns at the start of an arc.
-        self._start = np.zeros(self._size)
-        for c, i in enumerate(self.free):
-            self._start[self.n + columns * i + c] = 1.0
+        self._workspace = variational_workspace(problem, self.k, self._size, tangents)
+        # The row of an arc before it: zero but for its columns.
+        self._fields = segment_fields(self.n, self.m, self.k, self._size)
+        before = np.zeros(1, self._fields)
+        start = before["states"][0, self.n :].reshape(self.n, columns)
+        start[self.free, range(len(self.free))] = 1.0
+        self._before = before.view(float)[None]
 
     @property
     def time_scale(self) -> float:
@@ -162,21 +164,13 @@ class Variational:
         OrbitError
             If the engine fails or exceeds the budget of steps.
         """
-        count, n, m = len(segments), self.n, self.m
-        codes, y = np.zeros((count, 3), dtype=np.int64), np.empty((count, self._size))
-        codes[:, :2], y[:], y[:, :n] = segments, self._start, states
-        workspace = self._variational.with_rows(count)
-        batch = SegmentBatch(
-            variational=workspace,
-            segments=codes,
-            times=times,
-            states=y,
-            slopes=np.zeros((count, 2, n)),
-            margins=np.zeros((count, 2, 2 * m)),
-            after=np.zeros((count, n)),
-        )
+        n, m, f = self.n, self.m, len(self.free)
+        values = self._before.repeat(len(segments), axis=0)
+        rows = values.view(self._fields)[:, 0]
+        head, y = rows["head"], rows["states"]
+        head[:, :2], head[:, 2:5], y[:, :n] = segments, times, states
         try:
-            failure = self._binding.call(propagate_segments, self._block, batch)
+            failure = self._binding.call(propagate_segments, self._block, self._workspace, values)
         except FunctionError as error:
             raise OrbitError(error.reason, error.remedy) from error
         if failure >= 0:
@@ -185,22 +179,22 @@ class Variational:
                 remedy="start nearer to an orbit, loosen the tolerances, or give typical "
                 "magnitudes of states far from one: System(typical=)",
             )
-        columns, f = y[:, n:].reshape(count, n, -1), len(self.free)
-        margin, jump, margins = workspace.margin, workspace.jump, batch.margins
+        columns, slopes, margins = y[:, n:].reshape(len(y), n, -1), rows["slopes"], rows["margins"]
+        minima, margin, jump = rows["minima"], rows["margin"], rows["jump"]
         arcs = Arc(
             end=y[:, :n],
             by_state=columns[:, :, :f],
             by_parameter=columns[:, :, f:],
-            slope_start=batch.slopes[:, 0],
-            slope_end=batch.slopes[:, 1],
-            minima=workspace.minima[:, 0],
-            minima_time=workspace.minima[:, 1],
-            touches=workspace.touches,
+            slope_start=slopes[:, 0],
+            slope_end=slopes[:, 1],
+            minima=minima[:, 0],
+            minima_time=minima[:, 1],
+            touches=rows["touches"],
             margins=margins[:, :, :m],
             rates=margins[:, :, m:],
         )
         events = Event(
-            after=batch.after,
+            after=rows["after"],
             margins=margin[:, :m, 0],
             rates=margin[:, m:, 0],
             margin_by_state=margin[:, :, 1 : n + 1],
@@ -209,7 +203,7 @@ class Variational:
             jump_by_state=jump[:, :, 1 : n + 1],
             jump_by_time=jump[:, :, n + 1],
             jump_by_parameter=jump[:, :, n + 2 :],
-            mode=codes[:, 2].tolist(),
+            mode=head[:, 5].astype(int).tolist(),
         )
         return arcs, events
 

@@ -61,11 +61,16 @@ def extended_parameters(p: Floats, directions: Floats, n: int, columns: int) -> 
     They are p, the directions (shape (k, count)), the tangents of p (shape (count, columns)) if
     there are directions, and scratch.
     """
-    k, tangents = len(directions), np.zeros((p.size, columns))
-    tangents[:, columns - k :] = directions.T
-    scratch = np.zeros(Sizes(n, p.size, n, width_for(columns)).memory)
-    parts = [p, np.ravel(directions), tangents.ravel(), scratch]
-    return np.concatenate(parts if k else [p, scratch])
+    k, count = len(directions), p.size
+    scratch = Sizes(n, count, n, width_for(columns)).memory
+    tangents = count * (1 + k)
+    values = np.zeros(tangents + (count * columns if k else 0) + scratch)
+    values[:count] = p
+    if k:
+        values[count:tangents] = directions.ravel()
+        by_column = values[tangents : tangents + count * columns].reshape(count, columns)
+        by_column[:, columns - k :] = directions.T
+    return values
 
 
 @cache

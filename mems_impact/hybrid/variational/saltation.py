@@ -62,7 +62,7 @@ WORK_ROWS = 11  # rows of `work`
 
 
 class VariationalWorkspace(NamedTuple):
-    """Sizes, constants and arrays of arcs and events with derivatives. N is 1 along a run.
+    """Sizes, constants and arrays of an arc and its event with derivatives.
 
     Attributes
     ----------
@@ -71,22 +71,35 @@ class VariationalWorkspace(NamedTuple):
     tangents : int or callable
         Address of the compiled `mems_impact.hybrid.variational.flow.event_tangents`, or the
         function.
-    constrained : int array, shape (modes,)
-        1 for a mode whose states lie on a manifold.
-    minima : float array, shape (N, 2, m)
-        Output: the smallest value of each margin at a closest approach inside the arc (inf if there
-        is none), and its time. Approaches that the engine does not detect by a sign change of the
-        rate count only if they may be near zero or below.
-    touches : float array, shape (N, m, n (1 + columns))
-        Output: state and columns at that time.
-    margin, jump : float array, shapes (N, 2 m, 2 + n + directions), (N, n, ...)
-        Output: margins and rates before the event, and the state after it, each with its
-        derivatives: value, by each state component, by time, by each direction.
     width : int
         Number of directions of a call of `tangents`.
     memory : float array
         Its argument.
     work : float array, shape (WORK_ROWS, 2 m + n or more)
+    constrained : int array, shape (modes,)
+        1 for a mode whose states lie on a manifold.
+    row : float array
+        The arrays below, one after another (`segment_fields`).
+    head : float array, shape (6,)
+        Mode, and code of the transition at the end (or NO_EVENT); start, end, and the time at which
+        the margins at the end are evaluated. Output: the mode after the transition.
+    states : float array, shape (n (1 + columns),)
+        State and columns at the start; output: at the end.
+    slopes : float array, shape (2, n)
+        Output: the flow at start and end.
+    margins : float array, shape (2, 2 m)
+        Output: margins and rates at start and end.
+    after : float array, shape (n,)
+        Output: the state after the event.
+    minima : float array, shape (2, m)
+        Output: the smallest value of each margin at a closest approach inside the arc (inf if there
+        is none), and its time. Approaches that the engine does not detect by a sign change of the
+        rate count only if they may be near zero or below.
+    touches : float array, shape (m, n (1 + columns))
+        Output: state and columns at that time.
+    margin, jump : float array, shapes (2 m, 2 + n + directions), (n, ...)
+        Output: margins and rates before the event, and the state after it, each with its
+        derivatives: value, by each state component, by time, by each direction.
     """
 
     n: int
@@ -95,32 +108,46 @@ class VariationalWorkspace(NamedTuple):
     directions: int
     max_steps: int
     tangents: Any
+    width: int
+    memory: Any
+    work: Any
     constrained: Any
+    row: Any
+    head: Any
+    states: Any
+    slopes: Any
+    margins: Any
+    after: Any
     minima: Any
     touches: Any
     margin: Any
     jump: Any
-    width: int
-    memory: Any
-    work: Any
 
-    def with_rows(self, count: int) -> VariationalWorkspace:
-        """Return the workspace with new arrays for N = `count`."""
-        return self._replace(
-            minima=np.zeros((count, *self.minima.shape[1:])),
-            touches=np.zeros((count, *self.touches.shape[1:])),
-            margin=np.zeros((count, *self.margin.shape[1:])),
-            jump=np.zeros((count, *self.jump.shape[1:])),
-        )
+
+def segment_fields(n: int, m: int, directions: int, size: int) -> np.dtype[Any]:
+    """Return the fields of `VariationalWorkspace.row`, for `size` components of state, columns."""
+    shapes = {
+        "head": 6,
+        "states": size,
+        "slopes": (2, n),
+        "margins": (2, 2 * m),
+        "after": n,
+        "minima": (2, m),
+        "touches": (m, size),
+        "margin": (2 * m, 2 + n + directions),
+        "jump": (n, 2 + n + directions),
+    }
+    return np.dtype([(name, np.float64, shape) for name, shape in shapes.items()])
 
 
 def variational_workspace(
     problem: Problem, directions: int, size: int, tangents: Any
 ) -> VariationalWorkspace:
-    """Return a workspace for one segment, with `size` components of state and columns."""
+    """Return a workspace for arcs with `size` components of state and columns."""
     automaton = problem.automaton
     n, m, parameters = len(automaton.states), len(automaton.guards), len(problem.parameters)
     modes, sizes = range(len(automaton.modes)), event_sizes(n, m, parameters, directions)
+    segment = np.zeros(1, segment_fields(n, m, directions, size))
     return VariationalWorkspace(
         n=n,
         m=m,
@@ -128,48 +155,17 @@ def variational_workspace(
         directions=directions,
         max_steps=problem.options.max_steps,
         tangents=tangents,
-        constrained=np.array([int(mode in automaton.constrained) for mode in modes]),
-        minima=np.zeros((1, 2, m)),
-        touches=np.zeros((1, m, size)),
-        margin=np.zeros((1, 2 * m, n + 2 + directions)),
-        jump=np.zeros((1, n, n + 2 + directions)),
         width=sizes.width,
         memory=np.zeros(sizes.memory),
         work=np.zeros((WORK_ROWS, max(size, 2 * m + n, parameters))),
+        constrained=np.array([int(mode in automaton.constrained) for mode in modes]),
+        row=segment.view(np.float64),
+        **{name: segment[name][0] for name in segment.dtype.names or ()},
     )
 
 
-class SegmentBatch(NamedTuple):
-    """Inputs and results of N segments. Arrays have a row for each segment.
-
-    Attributes
-    ----------
-    variational : VariationalWorkspace
-    segments : int array, shape (N, 3)
-        Mode, code of the transition at the end (or NO_EVENT); output: mode after it.
-    times : float array, shape (N, 3)
-        Start, end, and the time at which the margins at the end are evaluated.
-    states : float array, shape (N, n (1 + columns))
-        State and columns at the start; output: at the end.
-    slopes : float array, shape (N, 2, n)
-        Output: the flow at start and end.
-    margins : float array, shape (N, 2, 2 m)
-        Output: margins and rates at start and end.
-    after : float array, shape (N, n)
-        Output: the state after the event.
-    """
-
-    variational: VariationalWorkspace
-    segments: Any
-    times: Any
-    states: Any
-    slopes: Any
-    margins: Any
-    after: Any
-
-
-def propagate_segments(engine: Any, block: Any, batch: Any) -> int:
-    """Compute the segments of a batch from their initial states, without event detection.
+def propagate_segments(engine: Any, block: Any, workspace: Any, rows: Any) -> int:
+    """Compute segments from their initial states, without event detection.
 
     Parameters
     ----------
@@ -177,62 +173,66 @@ def propagate_segments(engine: Any, block: Any, batch: Any) -> int:
         Engine of the extended flow (see `mems_impact.hybrid.variational.flow`).
     block : float array
         `mems_impact.hybrid.variational.flow.extended_parameters`.
-    batch : SegmentBatch
+    workspace : VariationalWorkspace
+    rows : float array
+        One for each segment, as `VariationalWorkspace.row`; the results are written into it.
 
     Returns
     -------
     int
         Number of a segment whose integration failed, or -1.
     """
-    workspace = batch.variational
-    n, slope = workspace.n, workspace.work[5]
+    n, slope, head, y = workspace.n, workspace.work[5], workspace.head, workspace.states
     for i in range(block.size):
         interface.set_parameter(engine, i, block[i])
-    for i in range(batch.segments.shape[0]):
-        mode, code = batch.segments[i, 0], batch.segments[i, 1]
-        start, end = batch.times[i, 0], batch.times[i, 1]
-        y = batch.states[i]
+    for i in range(rows.shape[0]):
+        copy(rows[i], workspace.row)
+        mode, code, start, end = int(head[0]), int(head[1]), head[2], head[3]
         if workspace.constrained[mode] == 1:
-            project(engine, mode, start, y, workspace, i)
-        interface.margins(engine, mode, start, y, batch.margins[i, 0])
+            project(engine, mode, start, y, workspace)
+        interface.margins(engine, mode, start, y, workspace.margins[0])
         interface.flow(engine, mode, start, y, slope)
-        for c in range(n):
-            batch.slopes[i, 0, c] = slope[c]
-        if not integrate(engine, mode, y, start, end, workspace, i, approaches=True):
+        copy(slope[:n], workspace.slopes[0])
+        if not integrate(engine, mode, y, start, end, workspace, approaches=True):
             return i
         # The limit from the left, before a switch of the drive at the end.
         interface.flow(engine, mode, end - 1e-15 * abs(end), y, slope)
-        for c in range(n):
-            batch.slopes[i, 1, c] = slope[c]
-        interface.margins(engine, mode, batch.times[i, 2], y, batch.margins[i, 1])
-        for c in range(n):
-            batch.after[i, c] = y[c]
+        copy(slope[:n], workspace.slopes[1])
+        interface.margins(engine, mode, head[4], y, workspace.margins[1])
+        copy(y[:n], workspace.after)
         if code != NO_EVENT:
-            differentiate_event(engine, mode, code, end, y, workspace, i)
-            batch.segments[i, 2] = interface.transition(engine, mode, code, end, batch.after[i])
+            differentiate_event(engine, mode, code, end, y, workspace)
+            head[5] = interface.transition(engine, mode, code, end, workspace.after)
         else:
-            leave_unchanged(workspace, i)
+            leave_unchanged(workspace)
+        copy(workspace.row, rows[i])
     return -1
 
 
-def leave_unchanged(workspace: Any, row: int) -> None:
-    """Write the derivatives without an event into `row` of margin and jump of the workspace."""
-    for values in (workspace.margin[row], workspace.jump[row]):
+def copy(source: Any, target: Any) -> None:
+    """Copy the values of an array to another one."""
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+def leave_unchanged(workspace: Any) -> None:
+    """Write the derivatives without an event into margin and jump of the workspace."""
+    for values in (workspace.margin, workspace.jump):
         values[:] = 0.0
     for i in range(workspace.n):
-        workspace.jump[row, i, 1 + i] = 1.0
+        workspace.jump[i, 1 + i] = 1.0
 
 
-def project(engine: Any, mode: int, t: float, y: Any, workspace: Any, row: int) -> None:
+def project(engine: Any, mode: int, t: float, y: Any, workspace: Any) -> None:
     """Project a state onto the manifold of its mode, and its columns onto the tangent space.
 
-    The columns of parameters, which may move the manifold, come last. `row` of margin and jump of
-    the workspace is scratch.
+    The columns of parameters, which may move the manifold, come last. Margin and jump of the
+    workspace are scratch.
     """
     n, directions = workspace.n, workspace.directions
     columns = y.size // n - 1
-    differentiate_event(engine, mode, 2 * workspace.m + 1, t, y, workspace, row)
-    jump, projection = workspace.jump[row], workspace.work[5]
+    differentiate_event(engine, mode, 2 * workspace.m + 1, t, y, workspace)
+    jump, projection = workspace.jump, workspace.work[5]
     for c in range(columns):
         direction = c - columns + directions
         for i in range(n):
@@ -251,17 +251,16 @@ def integrate(
     start: float,
     end: float,
     workspace: Any,
-    row: int,
     approaches: bool,
 ) -> bool:
     """Integrate `mode` from `start` to `end` in place; return whether it succeeded.
 
-    If `approaches`, write closest approaches into `row` of a `VariationalWorkspace`.
+    If `approaches`, write closest approaches into the workspace.
     """
     if approaches:
         for i in range(workspace.m):
-            workspace.minima[row, 0, i] = math.inf
-            workspace.minima[row, 1, i] = math.nan
+            workspace.minima[0, i] = math.inf
+            workspace.minima[1, i] = math.nan
             # The large bias leaves only roots of rates. A margin and its rate that are both zero
             # would stop CVODE ("root found very near t").
             interface.set_bias(engine, i, 1e300)
@@ -284,7 +283,7 @@ def integrate(
             continue
         t_start, t = t, interface.time(engine)
         if approaches:
-            detect_approaches(engine, status, mode, t_start, t, y, workspace, row)
+            detect_approaches(engine, status, mode, t_start, t, y, workspace)
         if t >= end:
             interface.interpolate(engine, end, y)
             return True
@@ -301,7 +300,7 @@ def start_approach_detection(engine: Any, mode: int, t: float, y: Any, workspace
 
 
 def detect_approaches(
-    engine: Any, status: int, mode: int, t_start: float, t: float, y: Any, workspace: Any, row: int
+    engine: Any, status: int, mode: int, t_start: float, t: float, y: Any, workspace: Any
 ) -> None:
     """Record the closest approaches in the last step, from `t_start` to `t`.
 
@@ -334,15 +333,15 @@ def detect_approaches(
                 h,
                 curvatures[i],
             ):
-                find_closest_approaches(engine, mode, i, t_start, t, y, workspace, row)
+                find_closest_approaches(engine, mode, i, t_start, t, y, workspace)
         if direction > 0:
             interface.state(engine, y)
-            record_approach(i, t, margins_after[i], y, workspace, row)
+            record_approach(i, t, margins_after[i], y, workspace)
         maxima[i] = max(maxima[i], margins_after[i])
 
 
 def find_closest_approaches(
-    engine: Any, mode: int, i: int, t_start: float, t: float, y: Any, workspace: Any, row: int
+    engine: Any, mode: int, i: int, t_start: float, t: float, y: Any, workspace: Any
 ) -> None:
     """Record the closest approaches of margin `i` near or below zero inside the last step.
 
@@ -380,24 +379,24 @@ def find_closest_approaches(
             t_closest = bisect_rate(engine, mode, m + i, a, b, 1.0, y, g)
             interface.interpolate(engine, t_closest, y)
             interface.margins(engine, mode, t_closest, y, g)
-            record_approach(i, t_closest, g[i], y, workspace, row)
+            record_approach(i, t_closest, g[i], y, workspace)
         maxima[i] = max(maxima[i], g_b)
         a, g_a, r_a = b, g_b, r_b
         width *= 2.0
 
 
-def record_approach(i: int, t: float, margin: float, y: Any, workspace: Any, row: int) -> None:
+def record_approach(i: int, t: float, margin: float, y: Any, workspace: Any) -> None:
     """Record a closest approach of margin `i` at (t, y) if it is the closest so far.
 
     At the start of an arc with margin and rate zero, the rate may be negative by rounding.
     """
-    minima, maximum = workspace.minima[row], workspace.work[6][i]
+    minima, maximum = workspace.minima, workspace.work[6][i]
     is_minimum = maximum - margin > margin_rounding(max(abs(maximum), abs(margin)), y, workspace.n)
     if is_minimum and margin < minima[0, i]:
         minima[0, i] = margin
         minima[1, i] = t
         for j in range(y.size):
-            workspace.touches[row, i, j] = y[j]
+            workspace.touches[i, j] = y[j]
 
 
 def margin_rounding(margin: float, y: Any, n: int) -> float:
@@ -436,15 +435,15 @@ def integrate_backward(engine: Any, mode: int, y: Any, start: float, end: float,
 
 
 def differentiate_event(
-    engine: Any, mode: int, code: int, t: float, y: Any, workspace: Any, row: int
+    engine: Any, mode: int, code: int, t: float, y: Any, workspace: Any
 ) -> None:
     """Differentiate margins and transition `code` at (t, y) by state, time and parameters.
 
-    The results are in `row` of margin and jump of a `VariationalWorkspace`.
+    The results are in margin and jump of the workspace.
     """
     n, m, count = workspace.n, workspace.m, workspace.parameters
     width, memory = workspace.width, workspace.memory
-    margin, jump = workspace.margin[row], workspace.jump[row]
+    margin, jump = workspace.margin, workspace.jump
     record, columns = 1 + width, 1 + n + workspace.directions
     of_parameters, of_results = record * (1 + n), record * (1 + n + count)
     memory[0] = t
@@ -635,7 +634,7 @@ def propagate(
             end = time + (cycle - state.cycle_mode[0]) * problem.period
         mode = state.cycle_mode[1]
         success = end <= state.t[0] or integrate(
-            column_engine, mode, state.y, state.t[0], end, workspace, 0, approaches=False
+            column_engine, mode, state.y, state.t[0], end, workspace, approaches=False
         )
         if not success:
             return False
@@ -662,7 +661,7 @@ def constrain(engine: Any, state: Any, problem: Any) -> None:
     """Project the columns onto the tangent space of the mode's manifold."""
     workspace = problem.variational
     if workspace.constrained[state.cycle_mode[1]] == 1:
-        project(engine, state.cycle_mode[1], state.t[0], state.y, workspace, 0)
+        project(engine, state.cycle_mode[1], state.t[0], state.y, workspace)
 
 
 def apply_saltation(engine: Any, event: Any, state: Any, problem: Any) -> None:
@@ -683,15 +682,15 @@ def apply_saltation(engine: Any, event: Any, state: Any, problem: Any) -> None:
     rate, is_beyond = 0.0, True
     if not is_switch:
         size = gain = 0.0
-        rate = workspace.margin[0, guard, n + 1]
+        rate = workspace.margin[guard, n + 1]
         for j in range(n):
-            slope = workspace.margin[0, guard, 1 + j]
+            slope = workspace.margin[guard, 1 + j]
             rate += slope * flow_before[j]
             gain += abs(slope)
             size += abs(slope * state.y[j])
         error = problem.rtol * size + problem.atol * gain
         depth = TOLERANCES * error + 1e-6 * abs(rate) * problem.scale
-        is_beyond = workspace.margin[0, guard, 0] < -depth
+        is_beyond = workspace.margin[guard, 0] < -depth
         rate = math.copysign(max(abs(rate), MIN_RATE), rate)
     y_before = workspace.work[10]
     for j in range(n):
@@ -701,15 +700,15 @@ def apply_saltation(engine: Any, event: Any, state: Any, problem: Any) -> None:
     for j in range(n):
         state.y[j] = y_before[j]
     for i in range(n):
-        effect = abs(workspace.jump[0, i, n + 1] + flow_before[i] - flow_after[i])
+        effect = abs(workspace.jump[i, n + 1] + flow_before[i] - flow_after[i])
         for j in range(n):
-            effect = max(effect, abs(workspace.jump[0, i, 1 + j] - (1.0 if i == j else 0.0)))
+            effect = max(effect, abs(workspace.jump[i, 1 + j] - (1.0 if i == j else 0.0)))
         state.jumps[i] |= int(effect > JUMP_TOLERANCE)
     for c in range(k):
         if not is_beyond:
             state.shifts[c] = 0.0
             for j in range(n):
-                state.shifts[c] += workspace.margin[0, guard, 1 + j] * state.y[n + k * j + c] / rate
+                state.shifts[c] += workspace.margin[guard, 1 + j] * state.y[n + k * j + c] / rate
         update_column(c, flow_before, flow_after, state, problem)
 
 
@@ -731,12 +730,12 @@ def apply_rest_saltation(
     contact_response(column_engine, mode, guard, response, state, problem)
     gap_response = 0.0
     for j in range(n):
-        gap_response += workspace.margin[0, guard, 1 + j] * response[j]
+        gap_response += workspace.margin[guard, 1 + j] * response[j]
     for c in range(problem.k):
         state.shifts[c] = 0.0
         gap = 0.0
         for j in range(n):
-            gap += workspace.margin[0, guard, 1 + j] * state.y[n + k * j + c]
+            gap += workspace.margin[guard, 1 + j] * state.y[n + k * j + c]
         for j in range(n):
             change = gap / gap_response * response[j] if gap_response != 0.0 else 0.0
             state.y[n + k * j + c] -= change
@@ -760,9 +759,9 @@ def contact_response(
     for i in range(state.y.size):
         x[i] = state.y[i]
     for i in range(n):
-        x[n + k * i] = -workspace.margin[0, rate, 1 + i]
+        x[n + k * i] = -workspace.margin[rate, 1 + i]
         for j in range(n):
-            x[n + k * i] += workspace.jump[0, i, 1 + j] * workspace.margin[0, rate, 1 + j]
+            x[n + k * i] += workspace.jump[i, 1 + j] * workspace.margin[rate, 1 + j]
     interface.flow(column_engine, mode, state.t[0], x[: state.y.size], slope[: state.y.size])
     for i in range(n):
         response[i] = slope[n + k * i]
@@ -770,7 +769,7 @@ def contact_response(
 
 def differentiate(engine: Any, mode: int, code: int, state: Any, problem: Any) -> None:
     """Differentiate margins and transition `code` at the present state, into margin and jump."""
-    differentiate_event(engine, mode, code, state.t[0], state.y, problem.variational, 0)
+    differentiate_event(engine, mode, code, state.t[0], state.y, problem.variational)
 
 
 def update_column(c: int, flow_before: Any, flow_after: Any, state: Any, problem: Any) -> None:
@@ -786,15 +785,15 @@ def update_column(c: int, flow_before: Any, flow_after: Any, state: Any, problem
     for i in range(n):
         weight, change = problem.weights[i], abs(state.y[column + k * i])
         max_size = max(max_size, weight * change if problem.cyclic[i] == 0 else 0.0)
-        kick = flow_after[i] - workspace.jump[0, i, n + 1]
-        size = abs(flow_after[i]) + abs(workspace.jump[0, i, n + 1])
+        kick = flow_after[i] - workspace.jump[i, n + 1]
+        size = abs(flow_after[i]) + abs(workspace.jump[i, n + 1])
         for j in range(n):
-            kick -= workspace.jump[0, i, 1 + j] * flow_before[j]
-            size += abs(workspace.jump[0, i, 1 + j] * flow_before[j])
+            kick -= workspace.jump[i, 1 + j] * flow_before[j]
+            size += abs(workspace.jump[i, 1 + j] * flow_before[j])
         result[i] = kick * shift if shift != 0.0 else 0.0
         size = size * abs(shift) if shift != 0.0 else 0.0
         for j in range(n):
-            term = workspace.jump[0, i, 1 + j] * state.y[column + k * j]
+            term = workspace.jump[i, 1 + j] * state.y[column + k * j]
             result[i] += term
             size += abs(term)
         if problem.cyclic[i] == 0:
