@@ -190,7 +190,7 @@ def _dynamic_pull_in(actuator: Actuator) -> float:
         drive = Sine(amplitude=0.0, omega=omega, bias=voltage)
         system = ActuatorSystem(held_frame, drive)
         run = simulate(system, DYNAMIC_PERIODS, keep="statistics", window=(0, DYNAMIC_PERIODS))
-        return bool(run.statistics["impacts"] > 0)
+        return bool(run._scaled_statistics["impacts"] > 0)
 
     low, high = 0.0, pull_in_voltage(actuator)
     if high == 0.0:
