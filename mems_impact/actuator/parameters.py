@@ -324,7 +324,7 @@ class Actuator(Checked):
         ------
         InvalidParameter
             If quantities contradict each other by more than 1e-6, or do not determine the device;
-            the message names both values, or what is missing.
+            the message names both values, or the missing quantities.
 
         See Also
         --------

@@ -337,7 +337,7 @@ def _followed(
                     results[i] = replace(results[i], motion=UNSETTLED)
                 elif not results[i].motion == after.motion == CHAOTIC:
                     results[i] = replace(after, returns=results[i].returns + after.returns)
-        # An orbit of a longer period, or one that is approached slowly.
+        # An orbit of a longer period, or an orbit that is approached slowly.
         chosen = [
             i
             for i, each in enumerate(results)

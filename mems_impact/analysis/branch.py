@@ -528,7 +528,7 @@ def joined_branch(
 ) -> Branch[S]:
     """Return one branch of two from the same point in opposite directions.
 
-    They may start on the two sides of a special point.
+    The halves may start on the two sides of a special point.
     """
     numeric = outward.numeric.joined(inward.numeric, at)  # type: ignore[arg-type]
     system, parameter, bounds = outward.system, outward.parameter, outward.bounds

@@ -1,8 +1,8 @@
 """Edge states: saddles on the boundary between two basins of attraction, by edge tracking.
 
-Bisection between two initial states finds two states on either side of the boundary. Both follow
-the boundary until they have separated; bisection between them then brings them together again.
-Skufca, Yorke and Eckhardt, *Physical Review Letters* 96, 174101 (2006).
+Bisection between two initial states finds two states on either side of the boundary. Both states
+follow the boundary until they have separated; bisection between them then brings them together
+again. Skufca, Yorke and Eckhardt, *Physical Review Letters* 96, 174101 (2006).
 """
 
 from __future__ import annotations
@@ -145,8 +145,9 @@ class _Tracking:
         """Return the attractor that a state reaches, and its number among the known.
 
         The number is `OTHER` for another attractor, and `UNCLEAR` for a motion that stays beside
-        the edge state. A motion that has not settled is continued, since beside the boundary it
-        begins slowly, and so is one that a perturbation ends: it is not on an attractor.
+        the edge state. A motion beside the boundary begins slowly, so a motion that has not settled
+        is continued; so is a motion that a perturbation ends, since the motion is not on an
+        attractor.
         """
         attractor = self.attractor(start)
         for _ in range(MAX_CONTINUATIONS):
@@ -320,8 +321,8 @@ def edge_state(
         raise InvalidParameter("step", step, allowed)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    # The states are bisected and followed by the same numerics: errors of the one above
-    # `min_distance` would move its boundary away from the states that the other follows.
+    # The states are bisected and followed by the same numerics: other errors of the bisection would
+    # move the boundary, by more than `min_distance`, away from the states that are followed.
     problem = system.problem(options)
     length = 1.0
     if not system.forced:

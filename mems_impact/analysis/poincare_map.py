@@ -23,7 +23,7 @@ __all__ = ["FixedPoint", "PoincareMap", "fixed_points"]
 
 UPWARDS = 1  # direction in which a motion crosses the section at its returns
 SEARCH_RATIO = 1.3  # length of a run in search of a return, relative to the time between returns
-MAX_SEARCHES = 40  # such runs, after which a motion counts as one that does not return
+MAX_SEARCHES = 40  # such runs, after which a motion counts as not returning
 START_RATIO = 1e-9  # time after which a crossing is not the start, relative to that time
 OUTSIDE_MARGIN = -1e-12  # margin of an impact below which a state is outside
 EQUILIBRIUM_GROWTH = 1.5  # logarithm of the growth over the time step of an equilibrium's map

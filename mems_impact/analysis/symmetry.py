@@ -112,7 +112,7 @@ class Symmetry:
     def _start(self, orbit: PeriodicOrbit, *, after: bool) -> tuple[int, Floats]:
         """Return the image of the orbit at the start of a forcing period: mode and state.
 
-        If the forcing switches there, the state is the one `after` the switch or before it.
+        If the forcing switches there, the state belongs `after` the switch, or before.
         """
         if not self.half_period:
             start = orbit.instant

@@ -156,9 +156,9 @@ class EventLog:
     def _strength(self, speed: Floats) -> Floats:
         """Return the strength of each event, as a speed; infinity for a switch of the drive.
 
-        The strength of an impact is its speed. That of a change of mode is the duration of the
-        modes before and after it: within a time T, accelerations of order one produce a speed T.
-        The strength of the start and end of a rest is its duration, whatever else changes before
+        The strength of an impact is its speed. The strength of a change of mode is the duration of
+        the modes before and after it: within a time T, accelerations of order one produce a speed
+        T. The strength of the start and end of a rest is its duration, whatever else changes before
         and during it.
         """
         events = self.events

@@ -201,7 +201,7 @@ def _device(device: str, changes: Mapping[str, float], varied: Mapping[str, floa
 def load_subject(
     name: str, changes: Mapping[str, float], varied: Mapping[str, float] | None = None
 ) -> mi.HybridSystem:
-    """Return the system of a name or path: a device, or what `mems_impact.load` takes.
+    """Return the system of a name or path: a device, or any file that `mems_impact.load` takes.
 
     Parameters are those of `device_system`.
     """

@@ -66,7 +66,7 @@ def command(
       mems-impact sensitivity zhao2004 --amplitude 0.24 --omega 0.5 \\
         --tolerance delta=0.005
 
-    The orbit is the one to which a run from the initial state leads. The command writes the
+    A run from the initial state leads to the orbit. The command writes the
     derivatives and, with tolerances, first-order standard deviations as CSV tables, and draws a
     tornado chart of one quantity. A study file can replace DEVICE.
     """  # noqa: D301 - click looks for the backspace itself

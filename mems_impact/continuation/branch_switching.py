@@ -79,7 +79,7 @@ def switched_solutions(
 def _equations(
     solution: PeriodicOrbit | EquilibriumState, parameter: str
 ) -> tuple[Any, Callable[..., Any], Floats]:
-    """Return the equations of a solution, what makes solutions of them, and the unknowns."""
+    """Return equations of a solution, the function from unknowns to solutions, the unknowns."""
     if isinstance(solution, PeriodicOrbit):
         return solution.equations((parameter,)), make_orbit, solution.point.unknowns
     equations = EquilibriumEquations(solution.family, solution.mode, (parameter,))

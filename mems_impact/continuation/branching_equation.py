@@ -150,7 +150,7 @@ class CrossingBranch(Generic[P]):
     def _first_point(
         self, sign: float, low: float, high: float, found: list[FirstPoint[P]]
     ) -> FirstPoint[P] | None:
-        """Return a point on the side of a sign, and not near one that is found."""
+        """Return a point on the side of a sign, away from the points that are known."""
         first: FirstPoint[P] | None = None
         other = sign * self.other
         if self.degenerate and found:
@@ -196,7 +196,7 @@ class CrossingBranch(Generic[P]):
         return np.zeros(free.size) if error == 0.0 else free * np.divide(error, slope)
 
     def _is_beside(self, point: P, found: list[FirstPoint[P]]) -> bool:
-        """Return whether a point lies in the direction of one that is found."""
+        """Return whether a point lies in the direction of a known point."""
         away = [_whole(each) - self._start for each in (point, *(each.point for each in found))]
         one, *others = (each / np.linalg.norm(each) for each in away)
         return any(one @ other > MIN_TURN_COSINE for other in others)
@@ -226,7 +226,7 @@ class CrossingBranch(Generic[P]):
         yield other, TANGENT_SEPARATION * distance * abs(float(self._across @ other))
 
     def _around(self, distance: float, other: Floats) -> Iterator[tuple[Floats, float]]:
-        """Yield the directions in which branches leave a circle, those near a direction first."""
+        """Yield the directions in which branches leave a circle, nearest to a direction first."""
         found = []
         for angle in self._zeros(distance):
             away = _whole(self._on_circle(distance, angle).point) - self._start

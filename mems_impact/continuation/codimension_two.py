@@ -379,8 +379,8 @@ def _rotating_terms(
     """Return the coefficients of z |z|^2 and z |z|^4 of a map on its center manifold.
 
     The manifold x(z) = z q + sum over j, k of h[j, k] z^j conj(z)^k, and its complex conjugates,
-    obeys map(x(z)) = x(N(z)). Order by order, what is missing in that equation, as Fourier series
-    over circles and polynomials in their radii, determines the h and the terms of N.
+    obeys map(x(z)) = x(N(z)). Order by order, the residual of the equation, as Fourier series over
+    circles and polynomials in their radii, determines the h and the terms of N.
     """
     matrix, cubic, quintic = returns.jacobian, 0j, 0j
     manifold: dict[tuple[int, int], Complexes] = {(1, 0): q, (0, 1): np.conj(q)}

@@ -123,7 +123,7 @@ class EquilibriumFoldCondition(DefiningSystem):
 class HopfCondition(DefiningSystem):
     """A pair of eigenvalues with sum zero: the trace of the Jacobian on its invariant plane.
 
-    The pair is the one whose product is nearest to that at the last point. Trace and product are
+    The pair has the product nearest to the product at the last point. Trace and product are
     smooth also where the pair becomes real.
     """
 
@@ -518,7 +518,7 @@ class EquilibriumCurveProblem(
         before: Mapping[TestFunction, float],
         after: Mapping[TestFunction, float],
     ) -> LocatedEvents[EquilibriumEvaluation, CurveEvent[EquilibriumState]]:
-        """Locate points of codimension two in a step, up to one that ends the curve."""
+        """Locate points of codimension two in a step, up to the end of the curve."""
         losses = [
             (test, before[test], after[test])
             for test in before

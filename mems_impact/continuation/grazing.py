@@ -127,8 +127,8 @@ def contact_coefficients(
     gradient = event.margin_by_state[monitor.guard][free][keep]
     image = impact_direction(shooting, point, segment.mode, monitor.guard, time, to_touch.end)[keep]
     if shooting.phase is not None:
-        # A shift along the flow does not decay, and rounding errors along it would grow relative to
-        # what does.
+        # A shift along the flow does not decay, so its rounding errors would grow relative to
+        # decaying components.
         along = to_touch.slope_end[free][keep]
         across = np.eye(along.size) - np.outer(along, along) / float(along @ along)
         if np.linalg.norm(across @ image) < NULL_KICK_RATIO * np.linalg.norm(image):
@@ -295,7 +295,7 @@ def change_signature(
 def guess_beyond(
     orbit: PeriodicOrbit, monitor: TestFunction
 ) -> tuple[OrbitGuess, TestFunction, float]:
-    """Return a guess of the other signature, a test function that is zero here, and a value of it.
+    """Return a guess of the other signature, a test function that is zero here, and its value.
 
     Raises
     ------
@@ -345,7 +345,7 @@ def move_event_across_period(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, 
     before, after = (i - 1) % count, (i + 1) % count
     m = orbit.shooting.m
     if segments[before].code == BOUNDARY and segments[i].guard(m) != NONE:
-        # The event at the start of a period moves to the end of the one before.
+        # The event at the start of a period moves to the end of the period before.
         event, mode = segments[i].code, segments[after].mode
         cycle = segments[before].cycle
         segments[before] = Segment(segments[before].mode, cycle, event)

@@ -8,7 +8,7 @@ exact.
 Orbits: the same for the map of all unknowns of the shooting equations (`CriticalVectors`). Second
 and third derivatives are extrapolated differences of the Jacobian of these equations. At points of
 codimension two the Poincaré map along the signature of an orbit is defined by the shooting
-equations without the one that closes the orbit.
+equations without the equation that closes the orbit.
 """
 
 from __future__ import annotations
@@ -417,7 +417,7 @@ def orbit_normal_form(
     shooting : Shooting
     point : ShootingEvaluation
     doubled : bool
-        Whether the orbit of a period doubling is the one of twice the period.
+        Whether the orbit of a period doubling is given at twice the period.
 
     Raises
     ------

@@ -130,7 +130,8 @@ class OrbitCurveProblem(
         super().__init__(shooting)
         self.branch, self.monitor, self.bounds = curve, special.monitor, bounds
         self.condition = self._defining_system()
-        # The guard of the orbit's impacts, or else the one that it approaches most closely.
+        # The guard of the orbit's impacts, or else the guard that the orbit approaches most
+        # closely.
         self.guard = self._main_guard(special.solution)
 
     @property

@@ -389,7 +389,8 @@ class Junction:
         normal = self.gradient((guard, mode))
         free: dict[int, int] = {}
         guards: set[int] = set()
-        # A mode that slides is not one that reaches the surface, as a held body's own limit.
+        # A mode that slides does not count as reaching the surface: a held body has a limit of its
+        # own.
         for one, j, into in pairs:
             if into not in sliding or one in sliding:
                 continue
@@ -477,7 +478,7 @@ class Junction:
         elif arrives:
             raise self._undecided("it leaves the surface, and does not reach it")
         elif departs and self._is_tangent(self.before, surface):
-            # It sticks where static friction exceeds dynamic friction.
+            # The body sticks where static friction exceeds dynamic friction.
             kind, tangent = GRAZING_SLIDING, self.before
         elif departs:
             kind = SWITCHING_SLIDING

@@ -620,7 +620,7 @@ CODIMENSION_TWO_NAMES = {
     (NEIMARK_SACKER, MINUS): "flip-Neimark-Sacker",
     (NEIMARK_SACKER, PAIR): "double Neimark-Sacker",
 }
-"""Names that are not composed of those of the curve and of the test function."""
+"""Names that are not composed of the names of curve and test function."""
 
 
 class CurveTest(TestFunction):

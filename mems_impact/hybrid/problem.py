@@ -75,7 +75,7 @@ class Problem:
     section : tuple (component, level, direction) or None
         Record crossings of ``y[component] = level``; direction 0 for both.
     options : Options
-        Integration options. The method defaults to one that suits the automaton.
+        Integration options. The default is a method that suits the automaton.
     time_scale : float or None
         Time that resolves the forcing and the vector field; the period by default.
     unavailable_reason : str

@@ -103,8 +103,8 @@ class Events:
     def arcs_until(self, since: Floats) -> NDArray[np.bool_]:
         """Return where the rows begin an arc that contains or precedes an instant.
 
-        The state at the time of a switch is the one before it, which belongs to the arc that the
-        switch ends.
+        The state at the time of a switch is the state before the switch, of the arc that the switch
+        ends.
 
         Parameters
         ----------
@@ -548,7 +548,7 @@ class Simulation:
                 if self.progress is not None:
                     self.progress(self._elapsed_periods())
         except KeyboardInterrupt:
-            # Interpreted code may be anywhere: what follows the last return is discarded.
+            # Interpreted code may be anywhere: the rest after the last return is discarded.
             self.clock["events_written"] = self.reached.events
             with deferring_ctrl_c():
                 self._drain()

@@ -37,7 +37,7 @@ def reads_time(
     Parameters
     ----------
     function : callable
-        Anything but a Python function counts as one that reads its arguments.
+        Anything but a Python function counts as reading its arguments.
     visited : set of (function, int), optional
         Arguments that do not count as read. Those to which the argument is passed are added.
     position : int, optional

@@ -296,4 +296,4 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
         for function in (all, any, divmod, reversed, round, sum)
     },
 }
-"""The functions, by those of Python that they stand for."""
+"""The functions, by the functions of Python that they replace."""

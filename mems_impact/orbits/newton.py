@@ -110,7 +110,7 @@ def newton(
 
     The iteration converges if the next step is below `tolerance`, or if steps no longer shrink
     while no residual exceeds `RESIDUAL_TOLERANCE`: they are then at the level of the integration
-    error. So are steps below `RESIDUAL_TOLERANCE` that no longer shrink quadratically.
+    error. Steps below `RESIDUAL_TOLERANCE` that no longer shrink quadratically are accepted too.
     If the matrix is nearly singular, rounding alone may cause steps of any length, so the iteration
     also ends at residuals of the order of rounding.
 

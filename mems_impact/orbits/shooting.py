@@ -164,7 +164,7 @@ class Phase:
 
 
 def without_flow_direction(matrix: Floats, flow: Floats) -> Floats:
-    """Return a monodromy matrix without its trivial multiplier, that of the shift along the flow.
+    """Return a monodromy matrix without the trivial multiplier, of the shift along the flow.
 
     In an orthonormal basis whose first vector is the flow, an eigenvector, the matrix is block
     triangular; the second diagonal block has all other multipliers.
@@ -377,8 +377,8 @@ class Shooting:
     def pack(self, guess: OrbitGuess) -> Floats:
         """Return the unknowns of a guess, with states at the nodes if the equations have nodes.
 
-        Components that are zero up to rounding are set to zero, since one that the orbit does not
-        determine, such as the velocity of a stuck frame, keeps its initial value.
+        Components that are zero up to rounding are set to zero, since a component that the orbit
+        does not determine, such as the velocity of a stuck frame, keeps its initial value.
         """
         states = np.where(np.abs(guess.states) < RESIDUAL_TOLERANCE, 0.0, guess.states)
         times = guess.times[self.events if self.phase is None else [*self.events, -1]]
@@ -419,7 +419,7 @@ class Shooting:
         return variational.arc(begin.mode, begin.state, begin.start, time)
 
     def norm(self, vector: Floats) -> float:
-        """Return the norm of unknowns and parameters, of all segments the one that moves most.
+        """Return the norm of the parameters and of the segment that moves most.
 
         The norm does not grow with the number of segments; an orbit and its double cover have the
         same norm.

@@ -176,7 +176,7 @@ def completes_chatter(events: Events, i: int) -> bool:
     """Return whether row `i` completes a chatter sequence and is no impact itself.
 
     The event loop records two cases: a contact without closing speed is an impact without rebound;
-    where it skips the rest of a sequence, the state before is the one after the last impact.
+    where it skips the rest of a sequence, the state before is the state after the last impact.
     """
     return i > 0 and bool(np.array_equal(events.before[i], events.after[i - 1]))
 

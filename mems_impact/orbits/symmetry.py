@@ -1,8 +1,8 @@
 """Symmetries of a problem that change signs of states, with half a forcing period.
 
-A symmetry maps solutions to solutions. Those of the form ``(y, t) -> (S y, t + tau)`` are searched,
+A symmetry maps solutions to solutions. The search is for symmetries ``(y, t) -> (S y, t + tau)``,
 where S is diagonal with entries 1 and -1, and tau is zero or half the forcing period. Modes and
-guards may change places, as those of two opposite stops.
+guards may change places, as at two opposite stops.
 """
 
 from __future__ import annotations

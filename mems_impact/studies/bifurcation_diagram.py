@@ -229,7 +229,7 @@ class BifurcationDiagram(Result):
 
     @cached_property
     def special_points(self) -> tuple[AnyPoint, ...]:
-        """The special points of all branches; one that two branches share appears once."""
+        """The special points of all branches; a point that two branches share appears once."""
         return tuple(point for _, point in self._distinct)
 
     @cached_property

@@ -397,7 +397,7 @@ def bifurcation_margins(orbit: Orbit, over: Sequence[str], reach: float = 0.5) -
     DataFrame
         One row per parameter and direction: parameter, value, direction ("down", "up"), at (the
         value at the bifurcation, or the end of the range), margin (distance), relative (to the
-        value) and what happens ("" without a bifurcation).
+        value) and "what": the bifurcation, "" without one.
 
     Raises
     ------

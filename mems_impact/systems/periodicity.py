@@ -250,7 +250,7 @@ def _differences(
 
 
 def _numbers(function: Callable[..., Any]) -> Iterator[float]:
-    """Yield the numbers that a function, or one that it calls, names: constants and variables."""
+    """Yield the numbers that a function and its callees name: constants and variables."""
     for each in reachable_functions(function, set()):
         cells = (cell.cell_contents for cell in each.__closure__ or ())
         for value in (*each.__code__.co_consts, *loaded(each.__code__, each.__globals__), *cells):

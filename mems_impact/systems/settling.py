@@ -47,7 +47,7 @@ STATE_NOISE = 1e-5  # relative change of a state that does not count
 STATE_ERROR = 3e-8  # relative error of a state over a run
 LEAST_CHANGE = 1e3  # change of a state that counts in full, in errors
 STATE_RESIDUAL = 4.0  # change of a state that multipliers may leave, in errors
-SHARE = 0.1  # least error of an extrapolation, relative to what remains
+SHARE = 0.1  # least error of an extrapolation, relative to the remaining change
 GROUPS = 8  # of changes of a state, whose root mean squares show growth
 LEAST_GROWTH = 1.1  # factor of the changes from the first to the last group
 TREND_SIGNIFICANCE = 8.0  # of the rate of growth, in standard errors
@@ -83,8 +83,8 @@ def limit_of(blocks: Floats, noise: float, states: Floats) -> SequenceLimit:
     noise : float
         Differences below this do not count.
     states : float array, shape (k, n)
-        States at the ends of the blocks, relative to their sizes. They share the multipliers, and
-        show those that the sequence hides.
+        States at the ends of the blocks, relative to their sizes. States share the multipliers of
+        the sequence, and show multipliers that the sequence hides.
     """
     defined = np.isfinite(blocks)
     b = blocks[defined]
@@ -172,7 +172,7 @@ def _extrapolated(b: Floats, noise: float, states: Floats) -> SequenceLimit | No
         early, late = ((part**2).sum() for part in (changes[:half, 0], changes[-half:, 0]))
         return SequenceLimit(last, math.inf, 1.0, CHANGING) if late < CONTRACTION * early else None
     ratio = max(ratio, _slowest(weights, b - value, noise))
-    if earlier is not None:  # a missed multiplier may be as slow as the slowest one that is found
+    if earlier is not None:  # a missed multiplier may be as slow as the slowest known multiplier
         move = abs(value - earlier.value) / (b.size - part)
         error = max(error, move * ratio / (1.0 - ratio))
     return SequenceLimit(

@@ -78,7 +78,7 @@ COMPILED_LIBRARIES = ("numba", "numpy")  # compiled code never runs them
 
 
 def check_effects(definition: Definition) -> None:
-    """Raise FunctionError if a function, or one that it calls, changes an outer variable."""
+    """Raise FunctionError if a function, or a function that it calls, changes an outer variable."""
     for function in _functions(definition):
         for inner in reachable_functions(function.call, set()):
             _check(function, inner)

@@ -1,7 +1,8 @@
 """Data sheets: a device by the quantities that designers know.
 
-Quantities are related by equations (`RELATIONS`). Those given are propagated through these until
-they determine the eleven parameters; an equation whose quantities are all known is a check.
+Quantities are related by equations (`RELATIONS`). The given quantities are propagated through the
+relations until they determine the eleven parameters; an equation whose quantities are all known is
+a check.
 """
 
 from __future__ import annotations

@@ -37,8 +37,8 @@ class Drive(Checked, ABC):
     types of `mems_impact.actuator.parameter_base`) and defines the attributes and methods below. A
     line in `mems_impact.actuator.drives.WAVEFORMS` registers it for files and the command line.
 
-    The waveform itself is a pair of module-level functions of plain Python that the equations
-    call, interpreted or compiled by numba unchanged. They take floats and one float64 array, use
+    The waveform itself is a pair of module-level functions of plain Python that the equations call,
+    interpreted or compiled by numba unchanged. The functions take floats and one float64 array, use
     `math` alone, carry no decorator, and become part of the class by `staticmethod`::
 
         def _ramp_voltage(t, q):
@@ -169,7 +169,7 @@ class Drive(Checked, ABC):
         return self
 
     def _replaced(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return all fields after changes; of omega and frequency, the one that was changed."""
+        """Return all fields after changes; of omega and frequency, only the changed one."""
         values = {**dict(self), **changes}
         if changes.get("frequency", values.get("frequency")) is not None:
             del values[

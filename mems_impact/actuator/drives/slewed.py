@@ -201,7 +201,7 @@ class SlewedSide:
     def pieces(self) -> list[OutputPiece]:
         """Return the pieces of the periodic output.
 
-        If there are several, it is the one that a source reaches from 0.
+        If there are several, the node has the voltage that a source reaches from 0.
         """
         start = 0.0
         for _ in range(PERIODS):

@@ -2,7 +2,7 @@
 
 A timeline is a list of segments. In each, the time of the nested waveform runs from a given value,
 and never beyond the last floating-point number before its next switch. The value at a switch is
-therefore exactly the one after it, however often the waveform is repeated.
+therefore exactly the value after the switch, in every repetition.
 """
 
 from __future__ import annotations

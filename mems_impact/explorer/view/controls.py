@@ -45,7 +45,7 @@ SAVES = {
     "python": "Save script",
     "copy": "Copy script",
 }
-"""The buttons that export, by what they export."""
+"""Captions of the buttons that export, by format."""
 
 
 class Controls:

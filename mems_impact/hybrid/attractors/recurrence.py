@@ -627,7 +627,7 @@ def difference(s: Any, w: Any, row: Any, other: Any, column: int) -> float:
 
 
 def extend_series(s: Any, w: Any, lag: int, distance: float) -> None:
-    """Add a difference to those since an earlier return; decide whether they accumulate.
+    """Add a difference to the differences since an earlier return; decide whether they accumulate.
 
     Errors of a method whose steps are not periodic do not: the distance from the earlier return is
     no larger than one of them. In a slow approach it is nearly their sum. Along an unstable orbit
@@ -663,10 +663,11 @@ def open_window(w: Any) -> None:
 def extend_approach(s: Any, w: Any) -> bool:
     """Extend a motion that approaches an orbit, if it will converge within a bounded time.
 
-    The rate of the approach is that of the largest differences in windows, which also contain the
-    turns of a spiral. Those of chaotic motions vary, and decrease over two windows in most cases.
-    So they must decrease twice, at similar rates. A motion that comes near the orbit later has far
-    smaller latest differences. Only `recurrence_period` decides whether the motion is periodic.
+    The largest differences in windows give the rate of the approach, since a window also contains
+    the turns of a spiral. The differences of chaotic motions vary, and decrease over two windows in
+    most cases. So differences must decrease twice, at similar rates. A motion that comes near the
+    orbit later has far smaller latest differences. Only `recurrence_period` decides whether the
+    motion is periodic.
     """
     length = w.transient + w.length
     elapsed = s.end_cycle + (s.end_phase - numbers_of(w)[PHASE]) / s.period

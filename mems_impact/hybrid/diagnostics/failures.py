@@ -335,7 +335,7 @@ def _mismatch(returned: Any, case: _Case) -> str:
 
 
 def _returns(call: Callable[..., Any]) -> bool:
-    """Return whether a function may return: one that raises on every path has no instruction to."""
+    """Return whether a function has an instruction to return, so does not raise on every path."""
     return any(each.opname.startswith("RETURN") for each in get_instructions(call))
 
 

@@ -74,10 +74,10 @@ CHATTER_BISECTIONS = 60
 def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
     """Complete a sequence of impacts at `guard` once its flights are weak.
 
-    Requires `margin_error_scales` of the state after the impact, `y` at ``s.t``. Both become those
-    at the accumulation point, with all motion until then; or they are unchanged, and the sequence
-    continues. Returns False if it continues and the scratch rows of `margin_error_scales` are still
-    valid.
+    Requires `margin_error_scales` of the state after the impact, `y` at ``s.t``. Both become time
+    and state at the accumulation point, with all motion until then; or they are unchanged, and the
+    sequence continues. Returns False if it continues and the scratch rows of `margin_error_scales`
+    are still valid.
     """
     y_before, y_contact, y_end = (
         table_row(s, STATE_BEFORE),
@@ -222,8 +222,8 @@ def remaining_chatter_time(
     # Flights below the rounding of the gap, or of time, need not shrink.
     if height < 16.0 * EPS * size or interval < 64.0 * EPS * abs(t):
         return 0.0, interval
-    # Nor need one that lasts far longer than speed and acceleration predict: steps detect the end
-    # of such a low flight late.
+    # Steps detect the end of a low flight late, which then lasts far longer than speed and
+    # acceleration predict: such flights need not shrink either.
     if 2.0 * LONG_FLIGHT_FACTOR * previous_speed < -a * interval:
         return 0.0, interval
     return math.inf, interval

@@ -353,7 +353,7 @@ def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -
         suspect_sides[i] = 0.0
         is_root = status == interface.ROOT and interface.root_directions(engine, i) < 0
         bias = interface.bias(engine, i)
-        # An inactive margin is constant; one with a bias is checked elsewhere.
+        # An inactive margin is constant; a margin with a bias is checked elsewhere.
         is_active = (
             is_root
             or margins_after[i] != margins_before[i]

@@ -6,8 +6,8 @@ limit it doubles, until the next event. Such a step is resolved as before: its i
 scanned at intervals of the former limit, for zeros of all margins, for closest approaches, and for
 changes of the flow that the step has missed (their integral is not its change of the state). Then
 the step is discarded, and a new arc begins at its start with the former limit. Intervals grow with
-the time since the last event, so that the cost of a run depends little on its length: what lasts
-for less than `RESOLVED_SHARE` of this time may be missed.
+the time since the last event, so that the cost of a run depends little on its length: a dip shorter
+than `RESOLVED_SHARE` of this time may be missed.
 """
 
 from __future__ import annotations

@@ -478,8 +478,8 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
 def is_lifted_by_rebound(engine: Any, s: Any, y: Any, guard: int) -> bool:
     """Return whether a margin increases after an impact, although it has no rate before it.
 
-    At a flat zero, as of a cube, the rate does not show the speed. `complete_chatter` refuses one
-    that rounding errors hide. Overwrites CONTACT_STATE and the rows of `changes_ahead`.
+    At a flat zero, as of a cube, the rate does not show the speed. `complete_chatter` refuses a
+    margin that rounding errors hide. Overwrites CONTACT_STATE and the rows of `changes_ahead`.
     """
     y_after = table_row(s, CONTACT_STATE)
     for i in range(s.n):

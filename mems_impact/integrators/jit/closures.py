@@ -496,7 +496,7 @@ def _without_keyword_only(function: FunctionType) -> tuple[CodeType, tuple[Any, 
 
 # --- Errors of numba
 
-# Messages of numba, and what they mean.
+# Messages of numba, and their meaning.
 _WITHOUT = "has no compiled form"
 _REASONS = (
     (r"Untyped global name '(\w+)'.*<class '(?:.*\.)?(\w+)'>", "it reads {0}, of type {1}"),

@@ -4,7 +4,7 @@ The installation has the event loop and the methods, which depend on no automato
 `mems_impact.hybrid.precompilation` writes them. The cache has all other code. The name of a file
 contains a digest of everything that determines the code, so that code of other functions, of other
 versions of numba or llvmlite, or for other processors is never found. A file begins with a digest
-of its name and content: one that is damaged, or has the name of another, is not read.
+of its name and content, so that a damaged or renamed file is not read.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ def touch(file: Path) -> None:
 def prune(directory: Path, size: float = CACHE_SIZE) -> None:
     """Remove the files that were not used for the longest time, until the others fit a size.
 
-    Other processes may read, write and remove files in the meantime: one that has been opened is
-    read to its end, and one that is missing is compiled again.
+    Other processes may read, write and remove files in the meantime: an open file is read to its
+    end, and the code of a missing file is compiled again.
     """
     files = sorted(_files(directory), reverse=True)
     total = 0

@@ -154,4 +154,4 @@ _overload(sin, OF_REALS[math.sin], _sine)
 _overload(cos, OF_REALS[math.cos], _cosine)
 
 SUBSTITUTES: dict[Any, Callable[..., Any]] = {math.sin: sin, math.cos: cos}
-"""Functions of compiled code by those of Python."""
+"""Functions of compiled code, by Python's."""

@@ -577,7 +577,7 @@ class Sliding:
     def coincidence(self) -> str:
         """Return the source that finds two surfaces i and j that coincide: 1 + i + k j, or 0.
 
-        They contain the state, and their gradients are parallel.
+        Coinciding surfaces contain the state, and their gradients are parallel.
         """
         lines = [*self.digit_lines(), *self.contact("mode")]
         for i, (names, part) in enumerate(self.surfaces):
