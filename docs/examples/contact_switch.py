@@ -87,9 +87,9 @@ soft = mi.soft_landing(switch, pulse, over=bounds)
 print(soft)
 
 # %%
-# The impact speed has a cusp at this pulse: with a shorter one the block turns back and is pulled
-# from there, with a longer one it arrives with energy left. A pulse that is 1 % too short gives 0.21
-# of the speed under the step, and one that is 1 % too long 0.40. The parameters of the device have
+# The impact speed has a cusp at this pulse: after a shorter pulse the block turns back and is pulled
+# from there, after a longer pulse the block arrives with energy left. A pulse that is 1 % too short
+# gives 0.21 of the speed under the step, a pulse that is 1 % too long 0.40. The parameters of the device have
 # the same effect, so that each specimen needs its own pulse.
 
 errors = np.linspace(-0.2, 0.2, 61) * np.abs(np.linspace(-0.2, 0.2, 61))

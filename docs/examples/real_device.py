@@ -242,8 +242,8 @@ for ohms, farads in ((2e8, 3e-12), (2e6, 3e-10)):
 # %%
 # Check
 # -----
-# The step of the preset is the measured one. The quality factor in air is that of the
-# suspension and of the closed form for a plate in slow motion (:math:`\mu L W^3/h^3 (1 - 0.630\,
+# The step of the preset is the measured one. The quality factor in air follows from the suspension
+# and from the closed form for a plate in slow motion (:math:`\mu L W^3/h^3 (1 - 0.630\,
 # W/L)`, J. J. Blech, *J. Lubrication Technology* 105, 615, 1983), with the viscosity of a rarefied
 # gas (T. Veijola et al., *J. Microelectromech. Syst.* 4, 109, 1995).
 

@@ -61,8 +61,8 @@ run = mi.simulate(oscillator, periods=60)
 mi.plot_run(run, first=0, last=12, states=["x", "v"]).figure.savefig("symmetry_breaking_run.png")
 
 # %%
-# ``symmetries`` finds the symmetry of the system, and ``image`` the partner of this orbit. Both are
-# stable; the initial state decides which of them the motion approaches.
+# ``symmetries`` finds the symmetry of the system, and ``image`` the partner of this orbit. Both orbits
+# are stable; the initial state decides which orbit the motion approaches.
 
 orbit = mi.find_orbit(run)
 (symmetry,) = mi.symmetries(orbit)

@@ -9,7 +9,7 @@ therefore evaluates the *rate* as well,
 .. math:: \\dot h = \\nabla h \\cdot f + \\partial_t h,
 
 whose zero is the minimum of the margin. The engine cuts the step there, too; if the margin is negative at
-its minimum, it locates the crossing before. A margin that touches zero without crossing it *grazes*, which
+its minimum, the engine locates the crossing before. A margin that touches zero without crossing it *grazes*, which
 is no event.
 """
 

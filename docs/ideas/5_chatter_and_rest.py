@@ -7,7 +7,7 @@ the factor :math:`e`, and their sum is finite,
 
 .. math:: t_\\infty = \\sqrt{\\frac{2h}{g}}\\,\\frac{1 + e}{1 - e}.
 
-No event loop can compute all of them, and truncation after some impact leaves an error. The body then
+No event loop can compute all flights, and truncation after some impact leaves an error. The body then
 rests on the stopper until the contact force vanishes, which is an event as well.
 """
 

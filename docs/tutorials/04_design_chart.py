@@ -27,7 +27,7 @@ window = mi.period_one_window(actuator, drive, (0.16, 0.3))
 print(f"{window.low:.4f} ({window.low_kind}) to {window.high:.4f} ({window.high_kind})")
 
 # %%
-# "bound" is the bound of the search; the orbit exists beyond it.
+# "bound" is the bound of the search, beyond which the orbit exists.
 
 # %%
 # Speed and steps over that window, and the finest step, the resolution of the device:

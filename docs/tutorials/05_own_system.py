@@ -39,7 +39,7 @@ oscillator = mi.System(
 )
 
 # %%
-# All functions of the package take it. The functions of a system are plain Python, checked by the
+# All functions of the package take such a system. The functions of a system are plain Python, checked by the
 # constructor and compiled at the first run, which takes some seconds; later runs take milliseconds.
 
 run = mi.simulate(oscillator, periods=300)
