@@ -92,6 +92,8 @@ from .analysis.manifold import Manifold as Manifold
 from .analysis.manifold import manifold as manifold
 from .analysis.orbit import Orbit as Orbit
 from .analysis.run import Run as Run
+from .analysis.run_derivatives import RunDerivatives as RunDerivatives
+from .analysis.run_derivatives import value_and_jacobian as value_and_jacobian
 from .analysis.settling import Settling as Settling
 from .analysis.sliding_type import SlidingType as SlidingType
 from .analysis.special_points import GrazingType as GrazingType

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -28,6 +28,8 @@ from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWin
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from mems_impact.analysis.run_derivatives import RunDerivatives
 
 __all__ = ["Keep", "Run", "check_direction"]
 
@@ -55,7 +57,7 @@ class Run(Result):
 
     See Also
     --------
-    simulate, plot_run, load, Verification
+    simulate, plot_run, load, Verification, RunDerivatives
 
     Examples
     --------
@@ -280,6 +282,39 @@ class Run(Result):
             error.convert(self.system.units, forced=self.system.forced)
             raise
         return compare(self.trajectory, again, self.options.rtol, self.system)
+
+    def derivatives(self, names: Sequence[str]) -> RunDerivatives:
+        """Return the derivatives of the run by some parameters and initial states.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Parameters of the system, and initial states: ``"x0.x"`` is the initial value of x.
+
+        Returns
+        -------
+        RunDerivatives
+            Of the last state, events, samples and functions of the run.
+
+        Raises
+        ------
+        InvalidParameter
+            If a name is unknown, or the run was made with ``keep="statistics"``.
+        RunError
+            If an arc cannot be integrated with its derivatives.
+
+        Examples
+        --------
+        >>> import mems_impact as mi
+        >>> zhao = mi.load_actuator("zhao2004")
+        >>> run = mi.simulate(zhao, mi.Sine(amplitude=0.24, omega=0.5), periods=20)
+        >>> found = run.derivatives(["e", "amplitude"])
+        >>> list(found.final.columns)
+        ['e', 'amplitude']
+        """
+        from mems_impact.analysis.run_derivatives import derivatives_of
+
+        return derivatives_of(self, names)
 
     @cached_property
     def statistics(self) -> pd.Series:

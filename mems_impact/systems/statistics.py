@@ -182,13 +182,13 @@ class LazyStatistics:
     def __init__(
         self, begin: Callable[[], StatisticsAccumulator], events: Events, lengths: Sequence[int]
     ) -> None:
-        self._begin, self._events, self._lengths = begin, events, list(lengths)
+        self._begin, self._events, self.lengths = begin, events, list(lengths)
 
     @cached_property
     def ready(self) -> StatisticsAccumulator:
         """The accumulator, after all events."""
         gatherer, first = self._begin(), 0
-        for length in self._lengths:
+        for length in self.lengths:
             gatherer(self._events[first : first + length])
             first += length
         return gatherer

@@ -1,0 +1,443 @@
+"""Derivatives of a run by parameters and initial states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from mems_impact import tables as run_tables
+from mems_impact._util.arrays import Floats
+from mems_impact.analysis.run import Run
+from mems_impact.analysis.simulate import simulate
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.differences import sixth_order_difference
+from mems_impact.hybrid.event_loop.workspace import SECTION_CROSSING
+from mems_impact.hybrid.variational.run_columns import Columns, Quantities, RunColumns
+from mems_impact.orbits.family import Family, ParameterPoint
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.statistics import LazyStatistics
+from mems_impact.systems.window_statistics import TimeWindow
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["RunDerivatives", "derivatives_of", "value_and_jacobian"]
+
+INITIAL = "x0."  # before the name of a state, for its initial value
+LOOSER = 10.0  # ratio of tolerances whose difference shows the error
+STEP = 1e-3  # largest relative change of events in the gradient of a function
+
+
+@dataclass(frozen=True, eq=False)
+class RunDerivatives:
+    """Derivatives of a run by some of its parameters and initial states.
+
+    They are exact through impacts, sliding, rest, the end of chatter and switches of the forcing:
+    those of the run's sequence of events, which a discrete change such as one impact more or less
+    would replace. Beyond simultaneous events whose order matters, and beyond a grazing whose depth
+    is below the error of the run, they are nan. Events and the end of a forced run belong to phases
+    of the forcing, and move with its period.
+
+    Attributes
+    ----------
+    run : Run
+    names : tuple of str
+        Parameters, and initial states as ``"x0.x"``.
+    columns : Columns
+        Of the events, then of the end; in scaled units.
+
+    See Also
+    --------
+    Run, value_and_jacobian, sensitivity
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def fall(mode, t, y, p):
+    ...     return y.v, -p.g
+    >>> ball = mi.System(
+    ...     states=("x", "v"), flow=fall, parameters={"g": 9.8, "e": 0.8}, initial={"x": 1.0},
+    ...     parts=[mi.Stopper("floor", "x", "v", lower=0.0, restitution="e")],
+    ... )
+    >>> found = mi.simulate(ball, duration=1.0).derivatives(["e", "x0.x"])
+    >>> found.events["dt/dx0.x"].round(6).tolist()  # 1/sqrt(2 g x0)
+    [0.225877]
+    >>> found.final.round(6).loc["v"].tolist()
+    [4.427189, 3.98447]
+    """
+
+    run: Run = field(repr=False)
+    names: tuple[str, ...]
+    family: Family = field(repr=False)
+    quantities: Quantities = field(repr=False)
+    scales: Floats = field(repr=False)
+    one_sided: bool = False
+
+    @cached_property
+    def columns(self) -> Columns:
+        """Derivatives at all events and at the end, in scaled units."""
+        return self._columns_at(np.array([self._end]), "after")
+
+    @property
+    def final(self) -> pd.DataFrame:
+        """Derivatives of the last state: a row per state, a column per quantity."""
+        return self._by_state(self._final(self.columns))
+
+    @property
+    def error(self) -> pd.DataFrame:
+        """Estimated errors of `final`: the change by tolerances ten times as large."""
+        options = self.run.options
+        looser = RunColumns(
+            self.run.trajectory,
+            self.quantities,
+            rtol=LOOSER * options.rtol,
+            one_sided=self.one_sided,
+        ).at(np.array([self._end]))
+        change = self._final(looser) - self._final(self.columns)
+        grazing = self.columns.errors.max(initial=0.0)
+        return self._by_state(np.abs(change) + grazing * np.abs(self._final(self.columns)))
+
+    @property
+    def events(self) -> pd.DataFrame:
+        """One row per row of `Run.events`: time, event, kind, derivatives of time and state.
+
+        The state is the state after the event, at its time. Kinds are smooth, tie (of events in
+        one instant), graze and chatter ends.
+        """
+        run, columns = self.run, self.columns
+        log = run.trajectory.events
+        shown = run_tables.is_shown(log)
+        here = np.isin(columns.rows, np.flatnonzero(shown))
+        after = columns.after + columns.slopes[:, 1, :, None] * columns.instants[:, None]
+        instants = columns.instants + np.outer(columns.bases, self.quantities.period_rates)
+        table = run.events[["t", "event"]].copy()
+        table["kind"] = columns.kinds[here]
+        return table.assign(**self._flat(instants[here], after[here]))
+
+    def samples(
+        self, times: Sequence[float], side: Literal["after", "before"] = "after"
+    ) -> pd.DataFrame:
+        """Return the derivatives of the state at some times.
+
+        Parameters
+        ----------
+        times : sequence of float
+            Within the run.
+        side : {"after", "before"}, optional
+            Of an event at one of these times.
+
+        Returns
+        -------
+        DataFrame
+            Time and derivatives; one row per time.
+        """
+        if side not in ("after", "before"):
+            raise InvalidParameter("side", side, "'after' or 'before'")
+        system, at = self.run.system, np.array([float(time) for time in times])
+        first, last = (self._time(border) for border in self.run.extent)
+        scaled = np.array([float(system.units.into("time", time)) for time in at])
+        if not (np.isfinite(at).all() and (scaled >= first).all() and (scaled <= last).all()):
+            low, high = (float(system.units.out("time", border)) for border in (first, last))
+            raise InvalidParameter("times", at.tolist(), f"times from {low:g} to {high:g}")
+        columns = self._columns_at(scaled, side)
+        here = np.flatnonzero(columns.rows < 0)
+        here = here[np.argsort(np.argsort(scaled, kind="stable"))]
+        rates = np.outer(columns.bases[here], self.quantities.period_rates)
+        states = columns.before[here] - columns.slopes[here, 0, :, None] * rates[:, None]
+        import pandas as pd
+
+        return pd.DataFrame({"t": at, **self._flat(None, states)})
+
+    def of(self, function: Callable[[Run], float]) -> pd.Series:
+        """Return the gradient of a scalar function of the run.
+
+        Parameters
+        ----------
+        function : callable
+            ``function(run)`` of events, impacts, statistics, the last state and samples of a run.
+            The number of events is constant: what is discrete has no derivative.
+
+        Returns
+        -------
+        Series
+            One derivative per quantity.
+        """
+        import pandas as pd
+
+        return pd.Series(self.jacobian(function)[0], index=list(self.names), name="derivative")
+
+    def jacobian(self, function: Callable[[Run], Any]) -> Floats:
+        """Return the derivatives of a function of the run, shape (m, s).
+
+        Parameters
+        ----------
+        function : callable
+            ``function(run)``, one number or m numbers; as in `of`.
+        """
+        return np.stack([self._gradient(function, c) for c in range(len(self.names))], axis=-1)
+
+    def directional(self, direction: Mapping[str, float]) -> RunDerivatives:
+        """Return the derivative in a direction, for a small positive step.
+
+        At simultaneous events it exists where partial derivatives do not (Burden, Council and
+        Revzen, arXiv 2102.10702).
+
+        Parameters
+        ----------
+        direction : mapping of str to float
+            Parts of some of the quantities.
+
+        Returns
+        -------
+        RunDerivatives
+            By one quantity, ``direction``.
+        """
+        unknown = [name for name in direction if name not in self.names]
+        if unknown:
+            raise InvalidParameter("direction", unknown[0], f"one of {', '.join(self.names)}")
+        parts = np.array([float(direction.get(name, 0.0)) for name in self.names]) / self._factors
+        quantities = self.quantities.along(parts * self.scales)
+        return replace(
+            self, names=("direction",), quantities=quantities, scales=np.ones(1), one_sided=True
+        )
+
+    # --- Units
+
+    @cached_property
+    def _factors(self) -> Floats:
+        """Units of the quantities."""
+        system = self.run.system
+        return np.array(
+            [
+                1.0
+                if name == "direction"
+                else float(system.units.out(name.removeprefix(INITIAL), 1.0))
+                for name in self.names
+            ]
+        )
+
+    def _by_state(self, values: Floats) -> pd.DataFrame:
+        import pandas as pd
+
+        system = self.run.system
+        units = np.array([float(system.units.out(name, 1.0)) for name in system.automaton.states])
+        scaled = values * self.scales * units[:, None] / self._factors
+        return pd.DataFrame(scaled, index=list(system.automaton.states), columns=list(self.names))
+
+    def _flat(self, instants: Floats | None, states: Floats) -> dict[str, Floats]:
+        """Return the columns of a table, in the units of the system."""
+        system = self.run.system
+        blocks = [] if instants is None else [("t", "time", instants)]
+        blocks += [(name, name, states[:, i]) for i, name in enumerate(system.automaton.states)]
+        return {
+            f"d{label}/d{name}": float(system.units.out(heading, 1.0))
+            * values[:, c] * self.scales[c] / self._factors[c]
+            for label, heading, values in blocks
+            for c, name in enumerate(self.names)
+        }  # fmt: skip
+
+    # --- Columns
+
+    @property
+    def _end(self) -> float:
+        return self._time(self.run.extent[1])
+
+    def _time(self, periods: float) -> float:
+        return periods * self.run.trajectory.period
+
+    @cached_property
+    def _numeric(self) -> RunColumns:
+        return RunColumns(self.run.trajectory, self.quantities, one_sided=self.one_sided)
+
+    def _columns_at(self, times: Floats, side: str, inner: bool = False) -> Columns:
+        return self._numeric.at(times, side, inner)
+
+    def _final(self, columns: Columns) -> Floats:
+        """Return the derivatives of the last state, at a phase of the forcing."""
+        if self.run.trajectory.ended:  # by an event
+            last = np.flatnonzero(columns.rows >= 0)[-1]
+            return columns.after[last] + np.outer(columns.slopes[last, 1], columns.instants[last])
+        local = columns.times[-1] / self.run.trajectory.period
+        return columns.before[-1] + np.outer(
+            columns.slopes[-1, 0], local * self.quantities.period_rates
+        )
+
+    # --- The gradient of a function of the run
+
+    @cached_property
+    def _inner(self) -> Columns:
+        """Derivatives at all rows of the event log."""
+        return self._columns_at(np.array([self._end]), "after", inner=True)
+
+    def _gradient(self, function: Callable[[Run], Any], c: int) -> Floats:
+        """Return the derivatives of a function by one quantity, shape (m,).
+
+        The run of a neighbouring value is the run plus a multiple of its derivatives, so that the
+        difference has no error of an integration.
+        """
+        run, columns = self.run, self._inner
+        log = run.trajectory.events
+        sizes = 1.0 + np.abs(log.after).max(axis=0, initial=0.0)
+        totals = columns.after + columns.slopes[:, 1, :, None] * columns.instants[:, None]
+        largest = max(
+            float(np.nanmax(np.abs(totals[:, :, c]) / sizes, initial=0.0)),
+            float(np.nanmax(np.abs(columns.instants[:, c]), initial=0.0)) / run.trajectory.period,
+            float(np.abs(self.quantities.directions[c]).max()),
+        )
+        step = STEP / largest
+
+        def value(distance: float) -> Floats:
+            return np.atleast_1d(np.asarray(function(self._neighbour(c, distance)), dtype=float))
+
+        by_unit: Floats = sixth_order_difference(value, step)
+        return by_unit * float(self.scales[c] / self._factors[c])
+
+    def _neighbour(self, c: int, distance: float) -> Run:
+        """Return the run to first order at another value of a quantity."""
+        run, columns, rows = self.run, self._inner, self._inner.rows
+        trajectory, log = run.trajectory, run.trajectory.events
+        name, family = self.names[c], self.family
+        if not name.startswith(INITIAL):
+            value = family.value(name) + float(distance * self.scales[c])
+            family = family.at(**{name: value})
+        system, problem = run.system.at(family.values), family.problem()
+        moved = np.flatnonzero(rows >= 0)
+        instants = columns.instants[moved, c].copy()
+        before, after = columns.before[moved, :, c], columns.after[moved, :, c]
+        section = trajectory.problem.section
+        if section is not None:
+            crosses = log.kind[rows[moved]] == SECTION_CROSSING
+            component = section[0]
+            speed = columns.slopes[moved, 0, component]
+            instants[crosses] = -before[crosses, component] / speed[crosses]
+        instants_by_row, before_by_row, after_by_row = (
+            np.zeros(len(log)), np.zeros_like(log.before), np.zeros_like(log.after)
+        )  # fmt: skip
+        later = columns.bases[moved] - log.cycle[rows[moved]]
+        instants_by_row[rows[moved]] = instants + later * self.quantities.period_rates[c]
+        before_by_row[rows[moved]] = before + columns.slopes[moved, 0] * instants[:, None]
+        after_by_row[rows[moved]] = after + columns.slopes[moved, 1] * instants[:, None]
+        events = replace(
+            log,
+            time=log.time + distance * instants_by_row,
+            before=log.before + distance * before_by_row,
+            after=log.after + distance * after_by_row,
+        )
+        start, final = trajectory.start, trajectory.final
+        stretch = problem.period / trajectory.period
+        final = replace(
+            final, time=final.time * stretch, y=final.y + distance * self._final(columns)[:, c]
+        )
+        start = replace(start, y=start.y + distance * self.quantities.starts[:, c])
+        first, last = (border / run.unit for border in run.window)
+        window = TimeWindow(first, last, problem.period)
+        lengths = getattr(run._gatherer, "lengths", [len(events)])
+        return replace(
+            run,
+            system=system,
+            trajectory=replace(
+                trajectory, problem=problem, start=start, final=final, events=events
+            ),
+            _gatherer=LazyStatistics(
+                lambda: system.gatherer(problem, start, window), events, lengths
+            ),
+        )
+
+
+def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
+    """Return the derivatives of a run; see `Run.derivatives`."""
+    names = (names,) if isinstance(names, str) else tuple(names)
+    trajectory = run.trajectory.with_events(run._log("derivatives"))
+    family, automaton = run.system.family(run.options), trajectory.automaton
+    states = [f"{INITIAL}{name}" for name in automaton.states]
+    for name in names:
+        if name not in family.values and name not in states:
+            allowed = f"one of {', '.join([*family.values, *states])}"
+            raise InvalidParameter("parameter", name, allowed)
+    if not names or len(set(names)) != len(names):
+        raise InvalidParameter("parameters", names, "one or more different names")
+    active = tuple(name for name in names if name in family.values)
+    point = ParameterPoint.of(family, active, np.array([family.value(name) for name in active]))
+    s, n, scales = len(names), len(automaton.states), np.ones(len(names))
+    quantities = Quantities(
+        np.zeros((n, s)),
+        np.zeros((s, len(point.parameters))),
+        np.zeros(s),
+        np.zeros((s, point.switches.size)),
+    )
+    for c, name in enumerate(names):
+        if name in states:
+            quantities.starts[states.index(name), c] = 1.0
+            continue
+        k = active.index(name)
+        scales[c] = point.scales[k]
+        quantities.directions[c] = point.directions[k]
+        quantities.period_rates[c] = point.period_rates[k] / scales[c]
+        quantities.switch_rates[c] = point.switch_rates[k] / scales[c]
+    return RunDerivatives(run, names, family, quantities, scales)
+
+
+@takes_system(start="initial", recurrent=False)
+def value_and_jacobian(
+    system: HybridSystem,
+    /,
+    function: Callable[[Run], Any],
+    parameters: Sequence[str],
+    **arguments: Any,
+) -> Callable[[Any], tuple[Any, Floats]]:
+    """Return a function of parameters that simulates a system, with exact derivatives.
+
+    Parameters
+    ----------
+    system : System, or Actuator and Drive
+    function : callable
+        ``function(run)``, one number or m numbers, such as differences from a record.
+    parameters : sequence of str
+        Parameters of the system, and initial states: ``"x0.x"`` is the initial value of x.
+    **arguments
+        Arguments of `simulate`.
+
+    Returns
+    -------
+    callable
+        Of s values of the parameters; it returns the value of `function` and its derivatives,
+        shape (s,), or (m, s) for m numbers.
+
+    See Also
+    --------
+    RunDerivatives, simulate, sensitivity
+
+    Examples
+    --------
+    The speed at which a ball must start to reach x = 3 m after 0.5 s:
+
+    >>> import mems_impact as mi
+    >>> from scipy import optimize
+    >>> ball = mi.System(
+    ...     states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -p.g), parameters={"g": 9.8},
+    ... )
+    >>> miss = mi.value_and_jacobian(
+    ...     ball, lambda run: (run.final.x - 3.0) ** 2, ["x0.v"], duration=0.5
+    ... )
+    >>> found = optimize.minimize(miss, [1.0], jac=True)
+    >>> found.x.round(6).tolist()
+    [8.45]
+    """
+    given = dict(arguments.pop("initial", None) or {})
+
+    def evaluate(values: Any) -> tuple[Any, Floats]:
+        chosen = dict(zip(parameters, np.atleast_1d(values).tolist(), strict=True))
+        inner = {name: value for name, value in chosen.items() if not name.startswith(INITIAL)}
+        starts = {name.removeprefix(INITIAL): chosen[name] for name in chosen.keys() - inner.keys()}
+        initial = {**given, **starts} or None
+        run = simulate(system.changed(**inner), initial=initial, **arguments)
+        value = np.asarray(function(run), dtype=float)
+        jacobian = derivatives_of(run, parameters).jacobian(function)
+        return (float(value), jacobian[0]) if value.ndim == 0 else (value, jacobian)
+
+    return evaluate

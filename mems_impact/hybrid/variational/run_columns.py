@@ -1,0 +1,629 @@
+"""Derivatives along a run by parameters and initial states: columns that follow its event log.
+
+A *column* is the derivative of the state at a fixed time since the time base by one quantity: its
+direction in the space of parameters, and its start. Every arc begins at the state that the run has
+logged, so that columns belong to the run and not to a neighbouring motion. A later time base adds
+the flow times the change of the period.
+
+Functions over `integrators.interface`, interpreted and compiled.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import permutations
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import RunError
+from mems_impact.hybrid.event_loop.event_detection import TOLERANCES
+from mems_impact.hybrid.event_loop.workspace import (
+    ACCUMULATION,
+    APPROACH,
+    REBASE,
+    SECTION_CROSSING,
+    SWITCH,
+    TRANSITION,
+)
+from mems_impact.hybrid.problem import EngineBinding, create_engine
+from mems_impact.hybrid.simulation import Trajectory
+from mems_impact.hybrid.variational.flow import (
+    exact_or_not,
+    extended_parameters,
+    tangent_flow,
+    tangents_of_events,
+    with_columns,
+)
+from mems_impact.hybrid.variational.saltation import (
+    VariationalWorkspace,
+    differentiate_event,
+    integrate,
+    project,
+    variational_workspace,
+)
+from mems_impact.integrators import interface
+
+SAMPLE = -1  # kind of a piece that ends without an event
+NOTHING = 0, 0.0, SAMPLE, 0, 0
+DONE = -1  # result of `propagate_columns`
+
+
+class ColumnPath(NamedTuple):
+    """Pieces of a run, each an arc with the event at its end, and the columns along them.
+
+    Attributes
+    ----------
+    variational : VariationalWorkspace
+    columns : int
+        s
+    pieces : int array, shape (N, 4)
+        Mode; kind of the event or SAMPLE; guard; mode after.
+    times : float array, shape (N, 4)
+        Start and end since the time base; periods by which the time base is later than before;
+        periods before the time base.
+    starts : float array, shape (N, n)
+        States at the start; nan where the piece continues the piece before.
+    ends : float array, shape (N, n)
+        States after the event.
+    period_rates : float array, shape (s,)
+    switch_rates : float array, shape (N, s)
+        Derivatives of the time of a switch.
+    records : int array, shape (m,)
+        1 for a guard that only records.
+    tolerances : float array, shape (4,)
+        Relative and absolute tolerance of the run, time scale, period.
+    clock : int
+        Index of the time base in the parameters, or -1.
+    y : float array, shape (n (1 + s),)
+        State and columns.
+    before, after : float array, shape (N, n, s)
+        Output: columns at the end of each piece, before and after its event.
+    slopes : float array, shape (N, 2, n)
+        Output: the flow before and after the event.
+    instants : float array, shape (N, s)
+        Output: derivatives of the time of the event.
+    margins : float array, shape (N, 4)
+        Output: of the guard of the event its margin, its rate, the change of the rate along the
+        flow, and the error of the margin.
+    first_margins : float array, shape (2 m,)
+        Margins before the first event of the present instant.
+    """
+
+    variational: VariationalWorkspace
+    columns: int
+    pieces: Any
+    times: Any
+    starts: Any
+    ends: Any
+    period_rates: Any
+    switch_rates: Any
+    records: Any
+    tolerances: Any
+    clock: int
+    y: Any
+    before: Any
+    after: Any
+    slopes: Any
+    instants: Any
+    margins: Any
+    first_margins: Any
+
+
+def propagate_columns(engine: Any, block: Any, path: Any, first: int, skip_tie: int) -> int:
+    """Propagate the columns from piece `first` on.
+
+    Returns DONE; the number of a piece whose event is simultaneous with the event before but not
+    its consequence, unless it is `skip_tie`; or -2 - i if piece i cannot be integrated.
+    """
+    w, s = path.variational, path.columns
+    n, y, slope = w.n, path.y, w.work[8]
+    for i in range(block.size):
+        interface.set_parameter(engine, i, block[i])
+    for i in range(first, path.pieces.shape[0]):
+        mode, kind, guard = path.pieces[i, 0], path.pieces[i, 1], path.pieces[i, 2]
+        start, end = path.times[i, 0], path.times[i, 1]
+        set_clock(engine, path, i)
+        if i != skip_tie:
+            if path.starts[i, 0] == path.starts[i, 0]:
+                for j in range(n):
+                    y[j] = path.starts[i, j]
+            if path.times[i, 2] != 0.0:
+                interface.flow(engine, mode, start, y, slope)
+                for j in range(n):
+                    for c in range(s):
+                        y[n + s * j + c] += path.times[i, 2] * slope[j] * path.period_rates[c]
+            if kind == ACCUMULATION:
+                mode = rest(engine, mode, guard, start, path)
+            if w.constrained[mode] == 1:
+                project(engine, mode, start, y, w)
+            if end > start and not integrate(engine, mode, y, start, end, w, approaches=False):
+                return -2 - i
+        for j in range(n):
+            for c in range(s):
+                path.before[i, j, c] = path.after[i, j, c] = y[n + s * j + c]
+        if kind == SAMPLE:
+            interface.flow(engine, mode, end, y, slope)
+            for j in range(n):
+                path.slopes[i, 0, j] = path.slopes[i, 1, j] = slope[j]
+        if kind in (TRANSITION, SWITCH):
+            is_later = i == 0 or end > start or path.pieces[i - 1, 1] != TRANSITION
+            if not cross(engine, i, is_later, i == skip_tie, path):
+                return i
+        for j in range(n):
+            for c in range(s):
+                y[n + s * j + c] = path.after[i, j, c]
+    return DONE
+
+
+def set_clock(engine: Any, path: Any, i: int) -> None:
+    """Set the time base of piece `i` in the parameters, and its derivatives."""
+    s, count, cycles = path.columns, path.variational.parameters, path.times[i, 3]
+    if path.clock >= 0:
+        interface.set_parameter(engine, path.clock, cycles * path.tolerances[3])
+        for c in range(s):
+            rate = cycles * path.period_rates[c]
+            interface.set_parameter(engine, count * (1 + c) + path.clock, rate)
+            interface.set_parameter(engine, count * (1 + s) + s * path.clock + c, rate)
+
+
+def cross(engine: Any, i: int, is_later: bool, is_tie: bool, path: Any) -> bool:
+    """Propagate the columns through the transition at the end of piece `i`.
+
+    An event of the same instant as the event before is its consequence, and happens with it, if its
+    margin was not zero before. Return False for another one, unless `is_tie`.
+    """
+    w, s = path.variational, path.columns
+    n, m, y, t = w.n, w.m, path.y, path.times[i, 1]
+    mode, kind, guard = path.pieces[i, 0], path.pieces[i, 1], path.pieces[i, 2]
+    margin, jump = w.margin, w.jump
+    before, after = w.work[8], w.work[9]
+    # The limit from the left, before a switch of the drive.
+    interface.flow(engine, mode, t - 1e-15 * abs(t), y, before)
+    code = guard if kind == TRANSITION else 2 * m
+    differentiate_event(engine, mode, code, t, y, w)
+    if is_later:
+        for j in range(2 * m):
+            path.first_margins[j] = margin[j, 0]
+    rate, size, gain, change = 0.0, 0.0, 0.0, 0.0
+    if kind == TRANSITION:
+        rate, change = margin[guard, n + 1], margin[m + guard, n + 1]
+        for j in range(n):
+            rate += margin[guard, 1 + j] * before[j]
+            change += margin[m + guard, 1 + j] * before[j]
+            gain += abs(margin[guard, 1 + j])
+            size += abs(margin[guard, 1 + j] * y[j])
+        error = path.tolerances[0] * size + path.tolerances[1] * gain
+        path.margins[i, 0], path.margins[i, 1] = margin[guard, 0], rate
+        path.margins[i, 2], path.margins[i, 3] = change, error
+        depth = TOLERANCES * error + 1e-6 * abs(rate) * path.tolerances[2]
+        own = is_later or abs(path.first_margins[guard]) <= depth
+        if own and not is_later and not is_tie and path.records[guard] == 0:
+            return False
+        for c in range(s):
+            if own:
+                shift = margin[guard, n + 2 + c]
+                for j in range(n):
+                    shift += margin[guard, 1 + j] * y[n + s * j + c]
+                path.instants[i, c] = -shift / rate if rate != 0.0 else math.nan
+            else:
+                path.instants[i, c] = path.instants[i - 1, c]
+        if path.records[guard] == 1:
+            return True
+    else:
+        for c in range(s):
+            path.instants[i, c] = path.switch_rates[i, c]
+    for j in range(n):
+        path.slopes[i, 0, j] = before[j]
+        y[j] = path.ends[i, j]
+    interface.flow(engine, path.pieces[i, 3], t, y, after)
+    for j in range(n):
+        path.slopes[i, 1, j] = after[j]
+        # A motion whose event is later follows the flow before it for longer.
+        kick = jump[j, n + 1] - after[j]
+        for k in range(n):
+            kick += jump[j, 1 + k] * before[k]
+        for c in range(s):
+            value = jump[j, n + 2 + c] + kick * path.instants[i, c]
+            for k in range(n):
+                value += jump[j, 1 + k] * path.before[i, k, c]
+            path.after[i, j, c] = value
+    return True
+
+
+def rest(engine: Any, mode: int, guard: int, t: float, path: Any) -> int:
+    """Propagate state and columns through the impact without rebound at the end of chatter.
+
+    See `mems_impact.hybrid.variational.saltation.apply_rest_saltation`. Return the mode of contact.
+    """
+    w, s = path.variational, path.columns
+    n, m, y = w.n, w.m, path.y
+    margin, jump, column = w.margin, w.jump, w.work[5]
+    still, moved, response = w.work[8], w.work[9], w.work[6]
+    differentiate_event(engine, mode, m + guard, t, y, w)
+    # The rate of change of the state after a unit impulse at the contact: the impulse is the
+    # derivative of the transition along the gradient of the closing speed.
+    x = w.work[0]
+    for j in range(n):
+        x[j] = y[j]
+        for c in range(s):
+            x[n + s * j + c] = 0.0
+    interface.flow(engine, mode, t, x[: y.size], still[: y.size])
+    for j in range(n):
+        x[n + s * j] = -margin[m + guard, 1 + j]
+        for k in range(n):
+            x[n + s * j] += jump[j, 1 + k] * margin[m + guard, 1 + k]
+    interface.flow(engine, mode, t, x[: y.size], moved[: y.size])
+    gap_response = 0.0
+    for j in range(n):
+        response[j] = moved[n + s * j] - still[n + s * j]
+        gap_response += margin[guard, 1 + j] * response[j]
+    for c in range(s):
+        gap = margin[guard, n + 2 + c]
+        for j in range(n):
+            gap += margin[guard, 1 + j] * y[n + s * j + c]
+        for j in range(n):
+            part = gap / gap_response * response[j] if gap_response != 0.0 else 0.0
+            y[n + s * j + c] -= part
+        for j in range(n):
+            column[j] = jump[j, n + 2 + c]
+            for k in range(n):
+                column[j] += jump[j, 1 + k] * y[n + s * k + c]
+        for j in range(n):
+            y[n + s * j + c] = column[j]
+    contact: int = interface.transition(engine, mode, m + guard, t, y[:n])
+    return contact
+
+
+# --- Columns along a run
+
+MOST_TIED = 3  # simultaneous events whose orders are compared
+SAME_RTOL = 1e-9  # difference of columns by two orders of events, relative to their size
+ERRORS_OF_RUNS = 10.0  # errors of a run, in its tolerances
+SMOOTH, TIE, GRAZE, CHATTER_ENDS = "smooth", "tie", "graze", "chatter ends"
+
+
+class Quantities(NamedTuple):
+    """The quantities by which a run is differentiated.
+
+    Attributes
+    ----------
+    starts : float array, shape (n, s)
+        Derivatives of the initial state.
+    directions : float array, shape (s, count)
+        Derivatives of the parameters, of order one.
+    period_rates : float array, shape (s,)
+    switch_rates : float array, shape (s, switches)
+    """
+
+    starts: Floats
+    directions: Floats
+    period_rates: Floats
+    switch_rates: Floats
+
+    def along(self, direction: Floats) -> Quantities:
+        """Return the one quantity that is a combination of these."""
+        return Quantities(
+            self.starts @ direction[:, None],
+            direction[None] @ self.directions,
+            np.array([direction @ self.period_rates]),
+            direction[None] @ self.switch_rates,
+        )
+
+
+class Columns(NamedTuple):
+    """Derivatives at the events of a run, then at some times.
+
+    Attributes
+    ----------
+    rows : int array, shape (N,)
+        Row of the event log, or -1 for a sample.
+    before, after : float array, shape (N, n, s)
+        At a fixed time since the time base of the arc, before and after the event.
+    slopes : float array, shape (N, 2, n)
+        The flow before and after the event.
+    instants : float array, shape (N, s)
+        Of the time of the event, since the time base of the arc.
+    bases : float array, shape (N,)
+        Periods before the time base of the arc.
+    times : float array, shape (N,)
+        Time of the event since then.
+    kinds : str array, shape (N,)
+        "smooth", "tie", "graze" or "chatter ends".
+    errors : float array, shape (N,)
+        Relative errors of the instants by the error of the margin.
+    """
+
+    rows: NDArray[np.int64]
+    before: Floats
+    after: Floats
+    slopes: Floats
+    instants: Floats
+    bases: Floats
+    times: Floats
+    kinds: NDArray[np.str_]
+    errors: Floats
+
+
+class RunColumns:
+    """The columns of a run by some quantities.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        With its events.
+    quantities : Quantities
+    rtol : float, optional
+        Relative tolerance of the columns; by default the tolerance of the run.
+    one_sided : bool, optional
+        Whether simultaneous events happen in the order of their instants for a small positive step.
+        Otherwise a column is nan beyond them unless all orders lead to it.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        quantities: Quantities,
+        *,
+        rtol: float | None = None,
+        one_sided: bool = False,
+    ) -> None:
+        problem, (starts, directions, *_) = trajectory.problem, quantities
+        automaton, options = problem.automaton, problem.options
+        self._trajectory, self._quantities, self._one_sided = trajectory, quantities, one_sided
+        self._moving = np.array([i not in automaton.cyclic for i in range(len(automaton.states))])
+        self._problem, self._n, (_, self._s) = problem, len(automaton.states), starts.shape
+        n, s, p = self._n, self._s, np.asarray(problem.parameters, dtype=float)
+        size = n * (1 + s)
+        self._block = extended_parameters(p, directions, n, s)
+        tolerance = options.rtol if rtol is None else rtol
+        looser = tolerance / options.rtol
+        # The columns of a smooth arc are more accurate by dop853, and need half the time.
+        method = "dop853" if options.method == "adams" else options.method
+        chosen = replace(options, method=method, rtol=tolerance, atol=options.atol * looser)
+
+        def build(exact: bool) -> tuple[EngineBinding, Any]:
+            flow = tangent_flow(automaton.flow, n, p.size, s, s, exact=exact)
+            extended = with_columns(problem, flow, self._block, size)
+            binding = create_engine(replace(extended, options=chosen), size - n)
+            return binding, tangents_of_events(problem, binding, s, exact)
+
+        self._binding, (tangents, self._kernel) = exact_or_not(automaton, build)
+        self._workspace = variational_workspace(problem, s, size, tangents)
+
+    def at(self, times: Floats, side: str = "after", inner: bool = False) -> Columns:
+        """Return the columns at all events, and at some times since the start of period 0.
+
+        With `inner`, closest approaches and crossings of the section count as samples.
+
+        Raises
+        ------
+        RunError
+            If an arc cannot be integrated with its columns.
+        """
+        rows, path = self._path(np.asarray(times, dtype=float), side, inner)
+        kinds = np.full(len(rows), SMOOTH, dtype=object)
+        first, lost = 0, np.zeros((len(rows), self._s), dtype=bool)
+        while (result := self._binding.call(propagate_columns, self._block, path, first, -1)) >= 0:
+            first = self._resolve(path, rows, kinds, lost, result)
+        if result < DONE:
+            raise RunError(
+                reason="the derivatives of the run cannot be integrated",
+                remedy="loosen or tighten rtol and atol",
+                cycle=int(path.times[-2 - result, 3]),
+                phase_time=float(path.times[-2 - result, 0]),
+                mode=self._problem.automaton.modes[int(path.pieces[-2 - result, 0])],
+                state={},
+                period=self._problem.period,
+            )
+        path.instants[lost] = np.nan
+        for values in (path.before, path.after):
+            values.transpose(0, 2, 1)[lost] = np.nan
+        self._end_chatter(path, kinds)
+        errors = self._mark_grazes(path, kinds)
+        return Columns(
+            rows, path.before, path.after, path.slopes, path.instants, path.times[:, 3],
+            path.times[:, 1], kinds.astype(str), errors,
+        )  # fmt: skip
+
+    def _path(
+        self, samples: Floats, side: str, inner: bool
+    ) -> tuple[NDArray[np.int64], ColumnPath]:
+        """Return the row of the event log of each piece, and the pieces."""
+        trajectory, problem, n, s = self._trajectory, self._problem, self._n, self._s
+        log, start, period = trajectory.events, trajectory.start, problem.period
+        switches = np.array(problem.switches)
+        inside = (APPROACH, SECTION_CROSSING) if inner else ()
+        kinds = (TRANSITION, ACCUMULATION, SWITCH, REBASE, *inside)
+        shown = np.flatnonzero(np.isin(log.kind, kinds))
+        instants = log.cycle[shown] * period + log.time[shown]
+        places = np.searchsorted(instants, samples, side="right" if side == "after" else "left")
+        numbers = np.concatenate([shown, np.full(samples.size, -1)])
+        order = np.argsort(np.concatenate([np.arange(shown.size) + 0.5, places]), kind="stable")
+        rows, count = numbers[order], len(order)
+        pieces, times = np.zeros((count, 4), dtype=np.int64), np.zeros((count, 4))
+        starts, ends = np.full((count, n), np.nan), np.zeros((count, n))
+        switch_rates = np.zeros((count, s))
+        base, time, mode, shift = start.cycle, start.time, start.mode, 0
+        state: Floats | None = start.y
+        later = np.concatenate([np.full(shown.size, np.nan), samples])[order].tolist()
+        events = log.cycle, log.time, log.kind, log.guard, log.mode_after
+        listed = list(zip(*(column.tolist() for column in events), strict=True))
+        for i, row in enumerate(rows.tolist()):
+            if state is not None:
+                starts[i] = state
+            cycle, instant, kind, guard, mode_after = listed[row] if row >= 0 else NOTHING
+            if row < 0 or kind in inside:
+                end = max((later[i] if row < 0 else cycle * period + instant) - base * period, time)
+                pieces[i] = mode, SAMPLE, 0, mode
+                times[i] = time, end, shift, base
+                time, state, shift = end, None, 0
+                continue
+            pieces[i] = mode, kind, guard, mode_after
+            times[i] = time, max(instant + (cycle - base) * period, time), shift, base
+            ends[i] = state = log.after[row]
+            if kind == SWITCH and switches.size:
+                nearest = int(np.argmin(np.abs(switches - instant)))
+                switch_rates[i] = self._quantities.switch_rates[:, nearest]
+            shift, base, time, mode = cycle - base, cycle, instant, mode_after
+        for states in (starts, ends):
+            states[:, ~self._moving] *= 0.0
+        y = np.concatenate([starts[0] if count else start.y, self._quantities.starts.ravel()])
+        automaton, options = problem.automaton, problem.options
+        path = ColumnPath(
+            variational=self._workspace,
+            columns=s,
+            pieces=pieces,
+            times=times,
+            starts=starts,
+            ends=ends,
+            period_rates=np.ascontiguousarray(self._quantities.period_rates),
+            switch_rates=switch_rates,
+            records=np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64),
+            tolerances=np.array([options.rtol, options.atol, problem.time_scale or period, period]),
+            clock=-1 if automaton.clock is None else automaton.clock,
+            y=y,
+            before=np.zeros((count, n, s)),
+            after=np.zeros((count, n, s)),
+            slopes=np.zeros((count, 2, n)),
+            instants=np.zeros((count, s)),
+            margins=np.zeros((count, 4)),
+            first_margins=np.zeros(2 * len(automaton.guards)),
+        )
+        return rows, path
+
+    def _resolve(
+        self,
+        path: ColumnPath,
+        rows: NDArray[np.int64],
+        kinds: NDArray[Any],
+        lost: NDArray[np.bool_],
+        tie: int,
+    ) -> int:
+        """Propagate the columns through simultaneous events; return the number of the next piece.
+
+        Events of one instant may happen in any order nearby. Every order has columns of its own;
+        the order of a perturbed motion is that of the instants at which it meets each guard.
+        """
+        t, begin, end = path.times[tie, 1], tie - 1, tie + 1
+        while (
+            begin > 0
+            and path.times[begin, 0] == path.times[begin, 1]
+            and (path.pieces[begin - 1, 1] == TRANSITION)
+        ):
+            begin -= 1
+        while (
+            end < len(rows)
+            and path.times[end, 1] <= t
+            and path.times[end, 2] == 0.0
+            and (path.pieces[end, 1] == TRANSITION)
+        ):
+            end += 1
+        guards = path.pieces[begin:end, 2].tolist()
+        guards, log = path.pieces[begin:end, 2].tolist(), self._trajectory.events
+        columns, mode = path.before[begin].copy(), int(path.pieces[begin, 0])
+        state = np.where(self._moving, log.before[rows[begin]], 0.0)
+        instant, kinds[begin:end] = (t, path.times[begin, 3]), TIE
+        instants = {
+            guard: self._cross(path, instant, columns, mode, state, guard)[1] for guard in guards
+        }
+        outcomes = {}
+        if len(guards) <= MOST_TIED and len(set(guards)) == len(guards):
+            for order in permutations(guards):
+                w, y, reached = columns, state, mode
+                for guard in order:
+                    w, _, y, reached = self._cross(path, instant, w, reached, y, guard)
+                same = np.abs(y - path.ends[end - 1]) <= SAME_RTOL * (1.0 + np.abs(y))
+                if reached == path.pieces[end - 1, 3] and same.all():
+                    outcomes[order] = w
+        after = np.zeros_like(columns)
+        for c in range(self._s):
+            ahead = tuple(sorted(guards, key=lambda guard: float(instants[guard][c])))
+            sides = (ahead,) if self._one_sided else (ahead, ahead[::-1])
+            found = np.array([outcomes[side][:, c] for side in sides if side in outcomes])
+            differs = (
+                len(found) < len(sides)
+                or (np.abs(found - found[0]) > SAME_RTOL * np.abs(found).max()).any()
+            )
+            if differs:
+                lost[end:, c] = True
+                lost[end - 1, c] = True
+            else:
+                after[:, c] = found[0]
+        for i, guard in enumerate(guards, begin):
+            path.instants[i], path.before[i], path.after[i] = instants[guard], columns, after
+        path.y[self._n :] = after.ravel()
+        return end
+
+    def _cross(
+        self,
+        path: ColumnPath,
+        instant: tuple[float, float],
+        columns: Floats,
+        mode: int,
+        state: Floats,
+        guard: int,
+    ) -> tuple[Floats, Floats, Floats, int]:
+        """Return columns, derivatives of the instant, state and mode after one event."""
+        (t, base), n, s = instant, self._n, self._s
+        p = self._problem.parameters_at(int(base))
+        mode_after, end = self._problem.automaton.state_after(mode, guard, t, state, p)
+        alone = path._replace(
+            pieces=np.array([[mode, TRANSITION, guard, mode_after]]),
+            times=np.array([[t, t, 0.0, base]]),
+            starts=state[None].astype(float),
+            ends=end[None],
+            y=np.concatenate([state, columns.ravel()]),
+            before=np.zeros((1, n, s)),
+            after=np.zeros((1, n, s)),
+            slopes=np.zeros((1, 2, n)),
+            instants=np.zeros((1, s)),
+            margins=np.zeros((1, 4)),
+            switch_rates=np.zeros((1, s)),
+        )
+        self._binding.call(propagate_columns, self._block, alone, 0, -1)
+        return alone.after[0], alone.instants[0], end, mode_after
+
+    def _end_chatter(self, path: ColumnPath, kinds: NDArray[Any]) -> None:
+        """Write the derivatives of the instants at which chatter ends.
+
+        The rest of a sequence after a flight of length T is T r/(1 - r), with the ratio r of the
+        last two flights.
+        """
+        for i in np.flatnonzero(path.pieces[:, 1] == ACCUMULATION).tolist():
+            kinds[i] = CHATTER_ENDS
+            hits = np.flatnonzero(
+                (path.pieces[:i, 1] == TRANSITION) & (path.pieces[:i, 2] == path.pieces[i, 2])
+            )[-3:]
+            base = path.times[i, 3]
+            times = path.times[hits, 1] + (path.times[hits, 3] - base) * self._problem.period
+            rates = path.instants[hits] + np.outer(
+                path.times[hits, 3] - base, self._quantities.period_rates
+            )
+            path.instants[i] = rates[-1] if len(hits) else 0.0
+            remaining = path.times[i, 1] - times[-1] if len(hits) else 0.0
+            if len(hits) == 3 and remaining > 0.0:
+                (before, last), (before_rate, last_rate) = np.diff(times), np.diff(rates, axis=0)
+                ratio = remaining / (remaining + last)
+                ratio_rate = ratio * (last_rate / last - before_rate / before)
+                change = remaining * (last_rate / last + ratio_rate / (ratio * (1.0 - ratio)))
+                path.instants[i] += change
+
+    def _mark_grazes(self, path: ColumnPath, kinds: NDArray[Any]) -> Floats:
+        """Return the errors of the instants by the errors of the margins; nan beyond a graze.
+
+        At the depth rate^2/(2 change) beyond a graze the instant changes as the square root of the
+        margin. It is unknown where the error of the margin exceeds the depth.
+        """
+        _, rates, changes, errors = path.margins.T
+        errors = ERRORS_OF_RUNS * errors
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depths = np.where(changes > 0.0, rates**2 / (2.0 * changes), np.inf)
+            parts = np.where(errors > 0.0, errors / (2.0 * depths), 0.0)
+        for i in np.flatnonzero(parts >= 0.5).tolist()[:1]:
+            kinds[i] = GRAZE
+            path.instants[i:], path.after[i:], path.before[i + 1 :] = np.nan, np.nan, np.nan
+        return parts
