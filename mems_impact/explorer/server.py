@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -21,11 +22,13 @@ from tornado.web import RequestHandler
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.explorer.session import Subject, slider_specs
+from mems_impact.explorer.snapshot import DiagramSnapshot
 from mems_impact.explorer.view.page import Page
 
 __all__ = ["serve"]
 
 HTTP_PORT = 80
+KEPT_DIAGRAMS = 8
 LOOPBACK = "127.0.0.1"
 HOST_NAMES = (LOOPBACK, "localhost")
 
@@ -86,6 +89,7 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
     """
     specs = slider_specs(subject)
     pages: list[Page] = []
+    complete: deque[DiagramSnapshot] = deque(maxlen=KEPT_DIAGRAMS)
 
     def show(document: Document) -> None:
         arguments = document.session_context.request.arguments
@@ -93,7 +97,7 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
             name: [value.decode("utf-8", "replace") for value in values]
             for name, values in arguments.items()
         }
-        pages.append(Page(document, subject, specs, query))
+        pages.append(Page(document, subject, specs, query, complete))
 
     try:
         sockets = bind_sockets(port, LOOPBACK)

@@ -286,7 +286,11 @@ def test_device_and_points_move(page):
     places = "return [...document.querySelectorAll('.point')].map((p) => p.style.transform)"
     page.wait(lambda: len(page.browser.execute_script(places)) == 3)
     before = page.browser.execute_script(places)
-    page.wait(lambda: page.browser.execute_script(places) != before)
+    for value in ("no-preference", "reduce"):
+        motion = {"features": [{"name": "prefers-reduced-motion", "value": value}]}
+        page.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", motion)
+        if value == "no-preference":
+            page.wait(lambda: page.browser.execute_script(places) != before)
 
 
 def test_what_is_out_of_range_is_reported_and_the_picture_stays(page):

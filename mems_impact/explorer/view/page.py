@@ -6,6 +6,7 @@ import base64
 import json
 import sys
 import traceback
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, partial
 from importlib.resources import files
@@ -72,6 +73,8 @@ class Page:
     specs : tuple of SliderSpec
     query : mapping of str to iterable of str
         Query of the address.
+    complete : deque of DiagramSnapshot
+        Complete diagrams of all pages, which are shown again.
     """
 
     def __init__(
@@ -80,8 +83,9 @@ class Page:
         subject: Subject,
         specs: tuple[SliderSpec, ...],
         query: Mapping[str, Iterable[str]],
+        complete: deque[DiagramSnapshot],
     ) -> None:
-        self.document, self.subject = document, subject
+        self.document, self.subject, self._complete = document, subject, complete
         self.specs = {spec.name: spec for spec in specs}
         self.picture: RunSnapshot | None = None
         self._requested_diagram: Any = None
@@ -235,7 +239,8 @@ class Page:
         if self.bifurcation is not None and self._requested_diagram != request.key:
             self._requested_diagram = request.key
             self.bifurcation.show_message("computing …", stale=True)
-            self.diagrams.request(request)
+            known = (each for each in self._complete if each.request.setting == setting)
+            self.diagrams.request(next(known, request))
 
     def _show_orbit(self, picture: RunSnapshot, floquet: Floquet) -> None:
         if picture is self.picture:
@@ -247,7 +252,8 @@ class Page:
     def _diagram(self, request: DiagramRequest | DiagramSnapshot, watch: Watch) -> DiagramSnapshot:
         """Compute a diagram, or its special points."""
         if isinstance(request, DiagramSnapshot):
-            return with_special_points(self.subject, request, watch)
+            known = request.continued
+            return request if known else with_special_points(self.subject, request, watch)
         return diagram_of(self.subject, request, self.specs[request.setting.parameter], watch)
 
     def _show_diagram(self, _: DiagramRequest | DiagramSnapshot, diagram: DiagramSnapshot) -> None:
@@ -261,6 +267,8 @@ class Page:
             self.diagrams.request(request.finer())
         elif not diagram.continued:
             self.diagrams.request(diagram)
+        elif not any(each is diagram for each in self._complete):
+            self._complete.append(diagram)
 
     def _send(self, ending: str, content: bytes, *, copied: bool = False) -> None:
         """Let the browser save a file, or copy it to the clipboard."""

@@ -4,6 +4,7 @@
 const FRAMES_A_SECOND = 56
 const MOST_A_SECOND = 25 // that are drawn
 const REST = 300 // ms in which a slider may move on: drawing the next picture goes before playing
+const still = matchMedia("(prefers-reduced-motion: reduce)")
 let begun = null
 let last = 0
 let shown = null
@@ -13,7 +14,7 @@ let dots = null
 function dot() {
   const made = document.createElement("div")
   made.className = "point"
-  document.body.append(made)
+  document.getElementById("points").append(made)
   return made
 }
 
@@ -56,7 +57,8 @@ function move(data, i, loops) {
 }
 
 function step(now) {
-  requestAnimationFrame(step)
+  if (still.matches) setTimeout(() => requestAnimationFrame(step), REST)
+  else requestAnimationFrame(step)
   if (now - last < 1000 / MOST_A_SECOND) return
   const passed = now - last
   last = now
@@ -71,7 +73,7 @@ function step(now) {
     shown = data
     paused = now
   }
-  const resting = now - Math.max(paused, window.slider_moved ?? 0) < REST
+  const resting = still.matches || now - Math.max(paused, window.slider_moved ?? 0) < REST
   if (resting) begun += passed
   const played = Math.max(0, now - begun) / 1000 * FRAMES_A_SECOND
   const i = Math.floor(played) % data.t.length
