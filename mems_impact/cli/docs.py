@@ -49,7 +49,9 @@ def command(*, words: tuple[str, ...], text: bool) -> None:
       mems-impact docs find_orbit
       mems-impact docs sweep --text
       mems-impact docs quality factor
+      mems-impact docs "one arc took more than max_steps = 100000 steps"
 
+    WORD may be the text of a message, or a part of it: the topic that the message names is found.
     If the site has been built in this clone, the page opens in a browser, without a network.
     Otherwise, or with --text, the terminal shows the text: the docstring of a name, the options of
     a command, the answer on a topic and the names whose docstrings mention it.

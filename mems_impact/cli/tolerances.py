@@ -31,9 +31,19 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         --initial kicked --over e=norm:0.8:0.02 --over mu_d=uniform:0.25:0.04 \\
         --specification "displacement per period=3e-4:"
 
-    The command samples devices and shows the quantiles of each quantity, the yield within the
-    specification and, with --indices, the share of each parameter in the variance. All of
-    these are written as CSV tables, with a figure. A study file can replace DEVICE.
+    The command samples devices, and writes CSV tables and a figure. A study file can replace
+    DEVICE. Columns:
+
+    \b
+      table      parameters, kind of motion, period and quantities of each sample
+      quantiles  of each quantity, over "points" samples with a value
+      yields     "share" of samples within the bounds "from" and "to"
+      indices    with --indices; "first": the share of the variance that vanishes
+                 if the parameter is known; "total": the share that remains if all
+                 others are known
+
+    The true share or index lies from "low" to "high" with a probability of 95 %.
+    "mems-impact docs statistics" describes the quantities.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
 
