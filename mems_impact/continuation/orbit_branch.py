@@ -98,20 +98,6 @@ __all__ = ["follow"]
 # --- Other equations of the same orbits
 
 
-def restart_cycle(
-    shooting: Shooting, point: ShootingEvaluation, direction: Floats
-) -> tuple[Shooting, ShootingEvaluation, Floats]:
-    """Return a limit cycle with a start far from its events, and the tangent of the branch.
-
-    Raises
-    ------
-    OrbitError
-        If it cannot be corrected there.
-    """
-    other = rebase_phase(shooting, point)
-    return other.shooting, *corrected(other, point, direction)
-
-
 def corrected(
     other: OtherEquations, point: ShootingEvaluation, direction: Floats
 ) -> tuple[ShootingEvaluation, Floats]:

@@ -52,7 +52,6 @@ from mems_impact.errors import Interrupted, InvalidParameter, OrbitError
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit_search import find_periodic_orbit
-from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.studies.engine.executors import stoppable_threads
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
@@ -578,7 +577,7 @@ class ChartBuilder:
         simulated = []
         for region, (left, right) in zip(types, pairwise(edges), strict=True):
             slack = SAME_FREQUENCY_RTOL * right
-            reached = [self._point(each) for each in curve.points]
+            reached = [curve.values(each)[::-1] for each in curve.points]
             inside = [p for p in reached if left - slack <= p[0] <= right + slack]
             ends = [(s.values[1], s.values[0]) for s in marks if s.values[1] in (left, right)]
             grazings = _joined(dict(sorted(inside)), ends)
@@ -666,7 +665,7 @@ class ChartBuilder:
             if touching:
                 self.report("the grazing curve of the orbit without impacts")
                 curve = self._curve(touching[0], low, high, direction)
-                reached = self._point(curve.points[-1])[0] if curve.points else end
+                reached = curve.values(curve.points[-1])[1] if curve.points else end
                 if abs(reached - (low if direction < 0.0 else high)) > 1e-9:
                     self.notes.append(f"the grazing curve: {curve.ended}")
                 return curve
@@ -776,7 +775,7 @@ class ChartBuilder:
                 curve = self._curve(begin.event, left.omega, right.omega, direction)
             except OrbitError:
                 continue
-            points = [self._point(each) for each in curve.points if each.admissible]
+            points = [curve.values(each)[::-1] for each in curve.points if each.admissible]
             risen = all(direction * (b[0] - a[0]) > 0.0 for a, b in pairwise(points))
             if len(points) < len(curve.points) or not points or not risen:
                 continue
@@ -820,11 +819,6 @@ class ChartBuilder:
     def _at(self, omega: float) -> str:
         """Return a frequency as text, in the system's units."""
         return f"{self.system.units.label(self.name)} = {self._number(omega)}"
-
-    def _point(self, orbit: PeriodicOrbit) -> Point:
-        """Return (omega, amplitude) of an orbit."""
-        values = orbit.family.values
-        return float(values[self.name]), float(values[AMPLITUDE])
 
     def _curve(self, special: OrbitEvent, low: float, high: float, direction: float) -> OrbitCurve:
         return follow_curve(
@@ -883,7 +877,7 @@ class ChartBuilder:
             at_mark = [end for end in ending if end[0] == bound]
             goal = bound + 0.02 * direction * (right - left) * len(at_mark)
             curve = self._curve(folds[0], min(middle, goal), max(middle, goal), direction)
-            admissible = [self._point(each) for each in curve.points if each.admissible]
+            admissible = [curve.values(each)[::-1] for each in curve.points if each.admissible]
             points += admissible
             reached = admissible[-1][0] if admissible else middle
             if not at_mark and abs(reached - bound) > 1e-9:
