@@ -29,13 +29,13 @@ UNARY: dict[Callable[..., Any], str] = {
     math.atan: "1.0 / (1.0 + v * v)",
     math.sinh: "cosh(v)",
     math.cosh: "sinh(v)",
-    math.tanh: "(1.0 - f) * (1.0 + f)",
+    math.tanh: "(1.0 - f) * (1.0 + f) if f * f < 0.5 else (1.0 / cosh(min(abs(v), 350.0))) ** 2",
     math.asinh: "1.0 / hypot(1.0, v)",
     math.acosh: "1.0 / sqrt((v - 1.0) * (v + 1.0))",
     math.atanh: "1.0 / ((1.0 - v) * (1.0 + v))",
     math.exp: "f",
     math.exp2: "0.6931471805599453 * f",
-    math.expm1: "f + 1.0",
+    math.expm1: "exp(v)",
     math.log: "1.0 / v",
     math.log2: "1.4426950408889634 / v",
     math.log10: "0.4342944819032518 / v",
@@ -54,9 +54,9 @@ UNARY: dict[Callable[..., Any], str] = {
 BINARY: dict[Callable[..., Any], tuple[str, str]] = {
     math.atan2: ("b / (a * a + b * b)", "-a / (a * a + b * b)"),
     math.hypot: ("0.0 if f == 0.0 else a / f", "0.0 if f == 0.0 else b / f"),
-    math.copysign: ("copysign(1.0, a) * copysign(1.0, b)", "0.0"),
-    math.fmod: ("1.0", "-trunc(a / b)"),
-    operator.mod: ("1.0", "-floor(a / b)"),
+    math.copysign: ("0.0 if a == 0.0 else copysign(1.0, a) * copysign(1.0, b)", "0.0"),
+    math.fmod: ("1.0", "floor((f - a) / b + 0.5)"),  # a / b may be rounded to the next integer
+    operator.mod: ("1.0", "floor((f - a) / b + 0.5)"),
     operator.pow: ("0.0 if b == 0.0 else b * a ** (b - 1.0)", "f * log(a) if a > 0.0 else 0.0"),
 }
 """The derivatives of a function by its two arguments."""

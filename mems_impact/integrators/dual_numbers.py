@@ -235,6 +235,15 @@ _OF_MATH: dict[Any, Callable[..., Any]] = {
     math.ldexp: lambda x, i: x * 2.0**i if isinstance(x, Dual) else math.ldexp(x, i),
 }
 _GENERIC.update((function.__name__, dual) for function, dual in _OF_MATH.items())
+
+
+def _typed(x: Any) -> Any:
+    """Return what is no dual number, whose type is not that of the number."""
+    if isinstance(x, Dual):
+        raise TypeError("it asks for the type of a number")
+    return x
+
+
 FUNCTIONS: dict[Any, Callable[..., Any]] = {
     **{of_numpy(function): dual for function, dual in _OF_MATH.items() if of_numpy(function)},
     **_OF_MATH,
@@ -246,6 +255,8 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.rint: lambda x: np.rint(plain(x)),
     np.clip: lambda x, low, high: min(max(x, low), high),
     float: lambda x: x if isinstance(x, Dual) else float(x),
+    type: lambda x: type(_typed(x)),
+    hasattr: lambda x, name: hasattr(_typed(x), name),
 }
 """Functions that take numbers with tangents, by those of Python and NumPy."""
 

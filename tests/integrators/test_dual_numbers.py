@@ -5,7 +5,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from numba import njit
+from numba import njit, types
 
 import mems_impact as mi
 from mems_impact.hybrid.variational.tangents import (
@@ -14,13 +14,14 @@ from mems_impact.hybrid.variational.tangents import (
 )
 from mems_impact.integrators.derivatives import UNARY
 from mems_impact.integrators.dual_numbers import FUNCTIONS, Dual, copy_for_tangents, plain
-from mems_impact.integrators.jit.closures import take_snapshot
+from mems_impact.integrators.jit.closures import take_snapshot, try_compile
 from mems_impact.integrators.jit.dual_numbers import vector_at
 from mems_impact.integrators.jit.numba_support import JIT
 
 WIDTH = 2
 view = vector_at(WIDTH)
-OUTSIDE = {math.acosh: 1.0}  # added to arguments within (0, 1)
+# Added to arguments within (0, 1).
+OUTSIDE = {math.acosh: 1.0, math.tanh: 15.0, math.expm1: -30.0}
 
 
 def compiled(function, x, y):
@@ -66,7 +67,7 @@ def test_derivatives_of_elementary_functions(function):
 
 def written(source):
     """Return a function of a source, which numba finds."""
-    space = {"math": math, "np": np}
+    space = {"math": math, "np": np, "TABLE": np.array([0.0, 0.5, 1.0, 2.0])}
     exec(f"def f(x, y):\n{source}", space)
     return space["f"]
 
@@ -81,6 +82,8 @@ CONSTRUCTS = {
     "sizes": "    return abs(x - y)**1.5 + math.copysign(x, -1) + np.sign(x) * y + math.fabs(y)",
     "remainders": "  return math.fmod(x, 0.4) * divmod(y, 0.3)[1] + x % 0.4 - math.remainder(y, 1)",
     "steps": "    return x - math.floor(x) + y // 0.4 + int(x) * y + round(x) * x + math.trunc(y)",
+    "steps of NumPy": "    y //= 0.4\n    x %= 0.7\n    return x * x * np.ceil(y) - np.floor(x)",
+    "a table": "    return y * TABLE[np.searchsorted(TABLE, x)] + x * TABLE[np.digitize(y, TABLE)]",
     "of NumPy": "    return np.sin(x) * np.exp(y) + np.sqrt(x) + np.tanh(x * y) + np.power(x, 2)",
     "of two": "    return math.hypot(x, y) + math.atan2(x, y) + math.hypot(x, y, 2) * math.log(x)",
     "tuples": "    a, b = (x, y * x)\n    return sum((a, b, 1.0)) + math.prod((a, 2, b))",
@@ -128,6 +131,8 @@ def test_derivatives_of_what_users_write(name):
         ("0.0 if x == 0.0 else 5.0 * x", 0.0, 0.0),
         ("x if math.isnan(x) else 3.0 * x", math.nan, 1.0),
         ("max(x, 1.0)", math.inf, 1.0),
+        ("math.copysign(x, y)", -0.0, 0.0),
+        ("1.0 % x", 0.1, -9.0),  # 1.0 / 0.1 is rounded to 10
     ],
 )
 def test_derivatives_at_kinks(source, at, value):
@@ -137,6 +142,15 @@ def test_derivatives_at_kinks(source, at, value):
     slopes = [plain(given.slope[0]) if isinstance(given, Dual) else 0.0]
     slopes.append(compiled(function, at, 1.0)[1])
     assert slopes == [value, value]
+
+
+@pytest.mark.parametrize("condition", ["type(x) is float", "hasattr(x, 'hex')"])
+def test_a_question_for_the_type_of_a_number_is_refused(condition):
+    """Compiled, numba would give another answer than Python."""
+    function = written(f"    return x if {condition} else 2.0 * x")
+    with pytest.raises(TypeError, match="asks for the type of a number"):
+        copy_for_tangents(function)(Dual(1.0, np.ones(1)), 1.0)
+    assert "no compiled form" in try_compile(function, (types.float64,) * 2).problem
 
 
 RATES = (0.04, 3e7, 1e4)  # Robertson 1966

@@ -50,8 +50,9 @@ LIBRARIES = ("math", "numba", "numpy")
 
 # Functions of compiled code by those of Python.
 SUBSTITUTES = {**trigonometry.SUBSTITUTES, **library.FUNCTIONS}
+UNTRUE = (type, hasattr)  # whose compiled results differ
 SUBSTITUTED = (math, np)  # modules of these functions
-BUILTINS = {float, *SUBSTITUTES}  # functions that are not among the globals
+BUILTINS = {float, *UNTRUE, *SUBSTITUTES}  # functions that are not among the globals
 MIXED = (types.Tuple, types.NamedTuple)  # tuples over which numba does not iterate
 
 LOAD_GLOBAL = opmap["LOAD_GLOBAL"]
@@ -422,6 +423,8 @@ class Copier:
     def _value(self, value: Any, names: tuple[str, ...], library: bool = False) -> Any:
         """Return a value with copies of all functions in it."""
         value = _python_function(value)
+        if any(value is each for each in UNTRUE):
+            raise TypeError(f"No implementation of function Function({value!r})")
         if isinstance(value, BuiltinFunctionType | type | np.ufunc) and not library:
             value = SUBSTITUTES.get(value, value)
         if isinstance(value, FunctionType):

@@ -437,6 +437,8 @@ for _function, _derivative in UNARY.items():
     if (_each := of_numpy(_function)) is not None:
         _unary(_each, _each, _derivative)
 for _function, _derivatives in BINARY.items():
+    if _function is operator.mod:
+        _binary(operator.imod, OF_REALS.get(_function, _function), *_derivatives)
     if _function is not operator.pow:
         _binary(_function, OF_REALS.get(_function, _function), *_derivatives)
     if (_each := of_numpy(_function)) is not None:
@@ -457,6 +459,8 @@ def _ldexp(x, i):  # type: ignore[no-untyped-def]
 
 
 for _each in (*PIECEWISE_CONSTANT, int, bool, round, np.sign, np.rint):
+    _of_value(_each)
+for _each in filter(None, map(of_numpy, PIECEWISE_CONSTANT)):
     _of_value(_each)
 
 
@@ -490,14 +494,30 @@ for _each in (abs, math.fabs, np.absolute, np.fabs):
         return _absolute if isinstance(x, DualType) else None
 
 
-@overload(operator.floordiv, **_OPTIONS)
-def _quotient(x, y):  # type: ignore[no-untyped-def]
-    return _floor_quotient if _common((x, y)) is not None else None
+for _each in (operator.floordiv, operator.ifloordiv):
+
+    @overload(_each, **_OPTIONS)
+    def _quotient(x, y):  # type: ignore[no-untyped-def]
+        return _floor_quotient if _common((x, y)) is not None else None
 
 
 @overload(float, **_OPTIONS)
 def _float(x):  # type: ignore[no-untyped-def]
     return (lambda x: x) if isinstance(x, DualType) else None
+
+
+@overload(np.searchsorted, **_OPTIONS)
+def _place_among(a, v, side="left"):  # type: ignore[no-untyped-def]
+    if not isinstance(v, DualType):
+        return None
+    return lambda a, v, side="left": np.searchsorted(a, value_of(v), side)
+
+
+@overload(np.digitize, **_OPTIONS)
+def _bin(x, bins, right=False):  # type: ignore[no-untyped-def]
+    if not isinstance(x, DualType):
+        return None
+    return lambda x, bins, right=False: np.digitize(value_of(x), bins, right)
 
 
 # --- Powers
