@@ -235,6 +235,7 @@ _OF_MATH: dict[Any, Callable[..., Any]] = {
     math.ldexp: lambda x, i: x * 2.0**i if isinstance(x, Dual) else math.ldexp(x, i),
 }
 _GENERIC.update((function.__name__, dual) for function, dual in _OF_MATH.items())
+_GENERIC["sqrt"] = lambda x: _OF_MATH[math.sqrt](x) if isinstance(x, Dual) else np.sqrt(x)
 
 
 def _typed(x: Any) -> Any:

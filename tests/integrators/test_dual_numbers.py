@@ -126,6 +126,7 @@ def test_derivatives_of_what_users_write(name):
         ("x**1.5", 0.0, 0.0),
         ("x**0.0", 0.0, 0.0),
         ("math.sqrt(x)", 0.0, math.inf),
+        ("math.acos(x)", 1.0, -math.inf),
         ("math.sqrt(y - 1.0) + x", 1.0, 1.0),
         ("math.hypot(y - 1.0, 0.0) + x", 1.0, 1.0),
         ("0.0 if x == 0.0 else 5.0 * x", 0.0, 0.0),

@@ -460,8 +460,8 @@ def _ldexp(x, i):  # type: ignore[no-untyped-def]
 
 for _each in (*PIECEWISE_CONSTANT, int, bool, round, np.sign, np.rint):
     _of_value(_each)
-for _each in filter(None, map(of_numpy, PIECEWISE_CONSTANT)):
-    _of_value(_each)
+for _known in PIECEWISE_CONSTANT:
+    _of_value(of_numpy(_known))
 
 
 def _absolute(x):  # type: ignore[no-untyped-def]
