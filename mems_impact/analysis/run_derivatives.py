@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,7 +14,7 @@ from mems_impact import tables as run_tables
 from mems_impact._util.arrays import Floats
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.simulate import simulate
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import InvalidParameter, TransientWarning
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.event_loop.workspace import SECTION_CROSSING
 from mems_impact.hybrid.variational.run_columns import Columns, Quantities, RunColumns
@@ -292,7 +293,9 @@ class RunDerivatives:
         step = STEP / largest
 
         def value(distance: float) -> Floats:
-            return np.atleast_1d(np.asarray(function(self._neighbour(c, distance)), dtype=float))
+            with warnings.catch_warnings(action="ignore", category=TransientWarning):
+                found = function(self._neighbour(c, distance))
+            return np.atleast_1d(np.asarray(found, dtype=float))
 
         by_unit: Floats = sixth_order_difference(value, step)
         return by_unit * float(self.scales[c] / self._factors[c])

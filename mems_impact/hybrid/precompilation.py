@@ -23,6 +23,7 @@ from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import Variational
 from mems_impact.hybrid.variational.lyapunov import LyapunovIntegrator
+from mems_impact.hybrid.variational.run_columns import Quantities, RunColumns
 from mems_impact.hybrid.variational.saltation import NO_EVENT
 from mems_impact.integrators.jit import machine_code
 from mems_impact.integrators.options import METHODS, Options
@@ -67,11 +68,13 @@ def compile_runs() -> None:
 
 
 def compile_studies() -> None:
-    """Compile the loops of attractors, of orbits and of exponents."""
+    """Compile the loops of attractors, of orbits, of derivatives of runs and of exponents."""
     problem = decay("auto")
     AttractorMapper(problem, longest=1, tolerance=1e-6).follow([(problem.numbers, START)], 1.0, 1.0)
     times, segments = np.array([[0.0, 1.0, 1.0]]), np.array([[0, NO_EVENT]])
     Variational(problem, np.ones((1, 1))).traverse(segments, np.ones((1, 1)), times)
+    one = Quantities(np.zeros((1, 1)), np.ones((1, 1)), np.zeros(1), np.zeros((1, 0)))
+    RunColumns(run(problem, START, 1.0), one).at(np.ones(1))
     exponents = LyapunovIntegrator(problem, START)
     exponents.restart(problem, START)
     exponents.advance_exponents()
