@@ -53,24 +53,24 @@ def _stable(
 ) -> bool | None:
     """Return the stability; `border` has the nearest point of the border to each eigenvalue."""
     # On the border another eigenvalue may lie, and does not matter halfway.
-    paths = zip(border.tolist(), (0.5 * (values + border)).tolist(), strict=True)
-    certain = np.array(
-        [not all(_may_be_eigenvalue(z, matrix, errors) for z in path) for path in paths], bool
-    )
+    certain = ~_may_be_eigenvalues(border, matrix, errors)
+    if not certain.all():
+        certain |= ~_may_be_eigenvalues(0.5 * (values + border), matrix, errors)
     if (certain & ~within).any():
         return False
     return True if certain.all() else None
 
 
-def _may_be_eigenvalue(z: complex, matrix: Floats, errors: Floats) -> bool:
-    """Return whether a matrix within the errors of the entries may have the eigenvalue `z`.
+def _may_be_eigenvalues(z: Complexes, matrix: Floats, errors: Floats) -> NDArray[np.bool_]:
+    """Return which values a matrix within the errors of the entries may have as eigenvalues.
 
-    The value `z` is no eigenvalue if the spectral radius of ``|inv(z - matrix)| errors`` is below
-    1.
+    A value z is no eigenvalue if the spectral radius of ``|inv(z - matrix)| errors`` is below 1.
     """
     try:
-        resolvent = np.abs(np.linalg.inv(z * np.eye(len(matrix)) - matrix))
-        radius = np.abs(np.linalg.eigvals(resolvent @ errors)).max()
-    except np.linalg.LinAlgError:
-        return True
-    return not radius < 1.0
+        resolvents = np.abs(np.linalg.inv(z[:, None, None] * np.eye(len(matrix)) - matrix))
+        radii = np.abs(np.linalg.eigvals(resolvents @ errors)).max(axis=1, initial=0.0)
+    except np.linalg.LinAlgError:  # of one of them
+        if len(z) == 1:
+            return np.ones(1, dtype=bool)
+        return np.concatenate([_may_be_eigenvalues(each, matrix, errors) for each in z[:, None]])
+    return ~(radii < 1.0)

@@ -29,6 +29,7 @@ from mems_impact.hybrid.pickling import portable
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section, check_times
 from mems_impact.hybrid.simulation import MAX_CYCLE, Events, Trajectory
 from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.dual_numbers import Dual
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.family import Family
 from mems_impact.systems import observables as quantity
@@ -56,6 +57,11 @@ def cached_names(kind: type) -> frozenset[str]:
     return frozenset(
         name for space in spaces for name, each in space if isinstance(each, cached_property)
     )
+
+
+def slope_of(number: Any) -> Any:
+    """Return the tangent of a number, zero if it has none; of None, None."""
+    return number.slope if isinstance(number, Dual) else None if number is None else 0.0
 
 
 @dataclass(frozen=True)
@@ -195,7 +201,15 @@ class HybridSystem(Result, ABC):
     def number_rates(self, name: str, changes: Mapping[str, float]) -> ProblemParameters | None:
         """Return the derivatives of `numbers` by a scaled parameter; None if they are unknown."""
         if name not in self._indices:
-            return None
+            value = Dual(changes.get(name, self.parameters[name]), self.units.factor(name))
+            try:
+                numbers = self.numbers({**changes, name: value})
+            except Exception:  # differences report errors
+                return None
+            rates = np.array([slope_of(each) for each in numbers.parameters])
+            times = numbers.period, *numbers.switches
+            period, *switches = (slope_of(each) for each in times)
+            return ProblemParameters(rates, period, tuple(switches), None)
         numbers = self._checked_numbers
         rates = np.zeros(len(numbers.parameters))
         rates[self._indices[name]] = 1.0

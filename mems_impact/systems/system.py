@@ -38,7 +38,7 @@ from mems_impact.integrators.dual_numbers import Dual, copy_for_tangents
 from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments, periodicity
 from mems_impact.systems import validation as checks
-from mems_impact.systems.base import Conversion, HybridSystem
+from mems_impact.systems.base import Conversion, HybridSystem, slope_of
 from mems_impact.systems.components import assembly
 from mems_impact.systems.components.assembly import assemble
 from mems_impact.systems.components.base import Part, Quantity
@@ -505,7 +505,7 @@ class System(HybridSystem):
             period, scale, switches = self._times(self._named(values.values()), copy_for_tangents)
         except Exception:  # differences report the errors of functions
             return None
-        slopes = _slope(period), _slope(scale), tuple(map(_slope, switches))
+        slopes = slope_of(period), slope_of(scale), tuple(map(slope_of, switches))
         return self._with_times(np.array([float(each == name) for each in values]), slopes, 0.0)
 
     def _times(
@@ -732,10 +732,6 @@ def _at_rest(
                 if consistent and far < distance:
                     best, distance = onto, far
     return best
-
-
-def _slope(value: Any) -> Any:
-    return value.slope if isinstance(value, Dual) else None if value is None else 0.0
 
 
 def _function_or_none(value: Any) -> Any:
