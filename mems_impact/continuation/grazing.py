@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 from typing import Any
 
@@ -38,7 +37,6 @@ from mems_impact.continuation.test_functions import (
     closest_approach,
 )
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid.differences import central_difference
 from mems_impact.hybrid.event_loop.workspace import NONE, TRANSITION
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
@@ -186,17 +184,14 @@ def low_velocity_contact(
     variational: Variational, mode: int, guard: int, time: float, y: Floats, speed: float
 ) -> Floats:
     """Return the state nearest to `y` on the guard, with its margin decreasing at `speed`."""
-    h, free = 1e-5, list(variational.free)
-    margin, rate = variational.margins(mode, time, y)
-
-    def along(unit: Floats, step: float) -> Floats:
-        return np.array(variational.margins(mode, time, y + step * unit))[:, guard]
-
-    units = np.eye(y.size)[free]
-    rows = np.array([central_difference(partial(along, unit), h) for unit in units]).T
-    target = np.array([-margin[guard], -speed - rate[guard]])
+    codes, times = np.array([[mode, guard]]), np.full((1, 3), time)
+    arcs, events = variational.traverse(codes, y[None], times)
+    margin, rate = events.margins[0, guard], events.rates[0, guard]
+    # A mode with constraints projects the state.
+    by_state = events.margin_by_state[0, [guard, variational.m + guard]] @ arcs.by_state[0]
+    target = np.array([-margin, -speed - rate])
     weak = y.copy()
-    weak[free] += np.linalg.lstsq(rows, target)[0]
+    weak[list(variational.free)] += np.linalg.lstsq(by_state, target)[0]
     return weak
 
 

@@ -201,9 +201,10 @@ class HybridSystem(Result, ABC):
     def number_rates(self, name: str, changes: Mapping[str, float]) -> ProblemParameters | None:
         """Return the derivatives of `numbers` by a scaled parameter; None if they are unknown."""
         if name not in self._indices:
-            value = Dual(changes.get(name, self.parameters[name]), self.units.factor(name))
+            values: dict[str, Any] = {name: self.parameters[name], **changes}
+            values[name] = Dual(values[name], self.units.factor(name))
             try:
-                numbers = self.numbers({**changes, name: value})
+                numbers = self.numbers(values)
             except Exception:  # differences report errors
                 return None
             rates = np.array([slope_of(each) for each in numbers.parameters])

@@ -53,3 +53,17 @@ def test_differences_look_beyond_the_range_of_a_parameter():
         assert np.count_nonzero(rates) == 1
         assert rates.max() == pytest.approx(1.0, abs=1e-12)
         assert period == 0.0
+
+
+@pytest.mark.parametrize("device", [ZHAO, ZHAO.to_si(SCALES)], ids=["dimensionless", "SI"])
+@pytest.mark.parametrize("bias", [0.0, 0.1])
+def test_derivatives_by_the_frequency_are_exact(device, bias):
+    volt, second = (
+        (device.scales.unit(name) for name in ("V", "s")) if device.units == "SI" else (1, 1)
+    )
+    drive = mi.Sine(amplitude=0.24 * volt, bias=bias * volt, omega=0.5 / second)
+    family = device.under(drive).family(mi.Options()).at(omega=0.48)
+    rates, of_period, _ = family.derivative("omega")
+    assert of_period == pytest.approx(-family.numbers().period / 0.48, rel=5e-15)
+    assert np.count_nonzero(rates) == 1
+    assert rates.max() == pytest.approx(1.0, rel=5e-15)
