@@ -100,7 +100,7 @@ def test_the_page_stands_alone(page, tmp_path):
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == page.html
 
 
-def test_it_depends_on_its_inputs_alone(page, monkeypatch):
+def test_it_depends_on_its_inputs_alone(monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     pages = [mi.report(MITA, SLOW, only=["Device", "Drive"], **SHORT).html for _ in range(2)]
     assert pages[0] == pages[1]

@@ -592,6 +592,7 @@ def test_run_error_of_an_autonomous_system_has_the_time():
     assert caught.value.phase_time + caught.value.cycle * caught.value.period < 50.0
 
 
+@pytest.mark.slow
 def test_an_exponent_can_be_interrupted(monkeypatch):
     monkeypatch.setattr(problem_module, "CALL_SECONDS", 1e-3)
     case, calls = [InitialCondition(device(0.24, 0.45))], {}

@@ -346,7 +346,7 @@ def test_a_stopper_before_pull_in_bounds_the_search():
     assert maker.pull_in < math.sqrt(4.0 / 27.0)
 
 
-def test_a_weak_contact_after_which_the_frame_slides_on_is_named(branch):
+def test_a_weak_contact_after_which_the_frame_slides_on_is_named():
     """With hardly any friction the slip of a trial impact does not end."""
     device = ZHAO.replace(mu_d=1e-6)
     orbit = mi.find_orbit(device, mi.Sine(amplitude=0.2, omega=0.5))
@@ -373,6 +373,7 @@ def test_a_motion_without_impacts_beside_the_attractor_with_impacts_is_named():
         locate_crisis(ZHAO, drive, amplitude=0.2, start=mi.State(), periods=100)
 
 
+@pytest.mark.slow
 def test_a_large_parameter_takes_few_steps():
     stop = mi.Stopper("wall", "x", "v", upper=0.4, law=lambda depth, rate, p: p.k * depth)
     system = mi.System(

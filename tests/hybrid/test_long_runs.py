@@ -164,6 +164,7 @@ def test_calls_that_end_at_a_collapsed_step_let_no_later_one_take_more_steps(mon
     assert quota.steps <= 2 * trajectory.steps
 
 
+@pytest.mark.slow
 def test_each_collapsed_step_of_a_run_with_perturbations_is_reported(monkeypatch):
     found = []
     for steps in (1, 1_000_000):

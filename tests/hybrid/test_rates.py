@@ -81,7 +81,9 @@ def test_rates_and_their_derivatives(engine, arrays, typical):
     assert unit / time * event.margin_by_state[1] / units == pytest.approx(gradient, rel=1e-13)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    "engine", ["interpreted", pytest.param("compiled", marks=pytest.mark.slow(all=True))]
+)
 def test_a_margin_that_takes_numbers_alone(engine):
     """Its rate is a difference along the motion."""
 

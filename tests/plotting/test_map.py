@@ -139,7 +139,7 @@ def test_a_column(tmp_path):
     assert mi.plot_map(gap.assign(gap=np.nan), "gap").figure.axes[1:] == []
 
 
-def test_a_part_of_a_map(tmp_path):
+def test_a_part_of_a_map():
     ax = mi.plot_map(map_table().iloc[:4], ax=Figure().subplots())
     assert cells(ax, 0.4, 2.0) == []
     assert cells(ax, 0.4, 1.0) == ["period 1"]

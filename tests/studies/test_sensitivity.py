@@ -82,7 +82,7 @@ def test_energy_that_is_given_by_its_ledger(orbit):
         assert value == pytest.approx(expected[name], rel=1e-5)
 
 
-def test_a_device_in_si_has_the_same_elasticities(orbit, found):
+def test_a_device_in_si_has_the_same_elasticities(found):
     scales = mi.load_actuator("mita2003").scales
     actuator = ZHAO.to_si(scales)
     drive = mi.Sine(amplitude=float(scales.out(0.24, "V")), omega=float(scales.out(0.5, "rad/s")))
@@ -209,7 +209,7 @@ def test_bad_tolerances(found):
         found.gradient("speedy")
 
 
-def test_a_value(found, orbit, tmp_path):
+def test_a_value(found, tmp_path):
     found.save(tmp_path / "found.zip")
     assert mi.load(tmp_path / "found.zip") == found
     assert "mean speed" in found.summary()

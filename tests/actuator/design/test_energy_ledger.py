@@ -131,7 +131,7 @@ def test_periods_and_blows_make_up_the_whole(run):
 
 
 @pytest.mark.slow
-def test_an_orbit_stores_nothing_and_gives_the_same(run, orbit):
+def test_an_orbit_stores_nothing_and_gives_the_same(orbit):
     found = mi.energy(orbit)
     assert found.periods == orbit.periods
     assert abs(found.stored) < 1e-11

@@ -101,7 +101,7 @@ def test_states_out_of_range_are_said_in_si():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("parameter", ["amplitude", "k"])
-def test_sweep(parameter, tmp_path):
+def test_sweep(parameter):
     numbers = {"amplitude": np.array([0.2, 0.24]), "k": np.array([0.95, 1.0])}[parameter]
     unit = {"amplitude": "V", "k": "N/m"}[parameter]
     settings = {"transient": 50, "periods": 5, "direction": "both"}

@@ -61,6 +61,7 @@ def test_the_pulse_of_the_energy_lands_at_zero_speed():
     assert late.impact_speed > 0.05 * step.impact_speed
 
 
+@pytest.mark.slow
 def test_values(found, tmp_path):
     assert pickle.loads(pickle.dumps(found)) == found
     found.save(tmp_path / "landing.zip")

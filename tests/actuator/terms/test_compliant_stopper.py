@@ -122,7 +122,7 @@ def integrated(actuator, drive, speed, duration):
     return y[:4], y[4], hits
 
 
-def test_energy(driven):
+def test_energy():
     p = ZHAO.replace(c=0.0, mu_s=1e6)
     soft = p.adding(CompliantStopper(stiffness=1e4, exponent=1.5, damping=0.5))
     run = mi.simulate(soft, SILENT, duration=20.0, initial=mi.State(v2=1.0), options=PRECISE)
