@@ -1,19 +1,37 @@
-"""The actuator as a hybrid automaton: friction x contact, guards and transitions.
+"""The actuator as a system of parts: dry friction of the frame, stoppers of the block.
 
 A mode is a pair of friction (the frame stuck, sliding forward, sliding backward) and contact (the
-block free, resting on the right stopper, resting on the left one).
+block free, resting on the right stopper, resting on the left one), and for each limited rate
+whether it is within its limit. With compliant stoppers, the modes "right" and "left" are contacts
+in which the force increases with the depth.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple
+from itertools import product
+from typing import Any
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator import impact_law
+from mems_impact.actuator.energy_accounting import SUMMED, accounts, sum_of
+from mems_impact.actuator.model import LimitedState, Model, compose
+from mems_impact.actuator.terms.base import Function, TermKind
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.definition import (
+    GENERATED,
+    Definition,
+    automaton_of,
+    ending,
+    function,
+    named_tuple,
+)
+from mems_impact.systems.components.assembly import AssembledSystem, assemble
+from mems_impact.systems.components.base import Part
+from mems_impact.systems.components.friction import Friction
+from mems_impact.systems.components.rate_limit import RateLimit
+from mems_impact.systems.components.stopper import Stopper
 
 STUCK, FORWARD, BACKWARD = 0, 1, 2
 FREE, RIGHT, LEFT = 0, 1, 2
@@ -22,24 +40,21 @@ FRICTION = ("stuck", "forward", "backward")
 CONTACT = ("free", "right", "left")
 MODES = tuple(f"{friction}-{contact}" for contact in CONTACT for friction in FRICTION)
 
-X1, V1, X2, V2 = 0, 1, 2, 3
-STATES = ("x1", "v1", "x2", "v2")
-
 RIGHT_IMPACT, LEFT_IMPACT, RELEASE, SLIP_END, BREAK_AWAY = 0, 1, 2, 3, 4
 # Order of simultaneous events: impacts first, since they change the velocities that the other
 # margins depend on; release before slip end, since it changes the load on the frame.
 GUARDS = (
-    Guard(name="right impact", order=0, impact=True),
-    Guard(name="left impact", order=1, impact=True),
-    Guard(name="release", order=2, condition=True),
-    Guard(name="slip end", order=3, condition=True),
-    Guard(name="break-away", order=4, condition=True),
+    Guard("right impact", order=0, impact=True),
+    Guard("left impact", order=1, impact=True),
+    Guard("release", order=2, condition=True),
+    Guard("slip end", order=3, condition=True),
+    Guard("break-away", order=4, condition=True),
 )
+IMPACTS = tuple(guard.name for guard in GUARDS if guard.impact)
 MARGIN_UNITS = {
     "right impact": "m", "left impact": "m", "release": "N", "slip end": "m/s", "break-away": "N",
     "current limit": "A", "left current limit": "A",
 }  # fmt: skip
-COUNT = len(GUARDS)
 
 
 def mode_of(friction: int, contact: int) -> int:
@@ -64,184 +79,224 @@ def side_of(mode: int) -> int:
     return 1 if contact == RIGHT else (-1 if contact == LEFT else 0)
 
 
-def friction_towards(speed: float) -> int:
-    """Return the friction mode of a slip with the sign of `speed`; stuck at 0."""
-    return FORWARD if speed > 0.0 else (BACKWARD if speed < 0.0 else STUCK)
+# --- Parts and flow
+
+FROM_PARTS = (2, 3, 4, 0, 1)  # the guards in the order of `GUARDS`: friction is the first part
 
 
-def free_mode(load: float, v1: float, p: Any) -> int:
-    """Return the mode with a free block; a frame at rest sticks or slips by Equation (4)."""
-    if v1 != 0.0:
-        return mode_of(friction_towards(v1), FREE)
-    if abs(load) <= eq.static_limit(p):
-        return mode_of(STUCK, FREE)
-    return mode_of(friction_towards(load), FREE)
+def parts_of(model: Model) -> list[Part]:
+    """Return the parts of an actuator, in the order of the digits of a mode."""
+    frame = Friction(
+        "frame",
+        "v1",
+        mu=model.friction,
+        normal=generated("normal(t, y, p)", "force(p)", force=model.normal_force),
+        static=eq.mu_s,
+        sticks=model.sticks,
+    )
+    block = Stopper(
+        "block",
+        "x2",
+        "v2",
+        upper=eq.right_stopper,
+        lower=eq.left_stopper,
+        restitution=None if model.stopper else model.restitution,
+        law=model.stopper,
+        adhesion=model.adhesion or 0.0,
+        against="v1",
+    )
+    sources = (
+        RateLimit(
+            name_of(each).replace(" ", "_"),
+            model.layout.states[each.state],
+            limit=each.limit.max_rate,
+        )
+        for each in model.limits
+    )
+    return [frame, block, *sources]
 
 
-def mode_under(y: Any, pull: float, p: Any) -> int:
-    """Return the mode of the state `y` under the force `pull` of the electrodes.
-
-    A block at rest on a stopper stays in contact if the contact force is positive. A frame at rest
-    sticks if the load on it is within static friction, Equation (4).
-    """
-    friction = friction_towards(y[V1])
-    direction = direction_of(friction)
-    if y[V2] == 0.0:
-        if y[X2] >= p[eq.DELTA] and eq.contact_force(1, direction, pull, p) > 0.0:
-            return mode_of(friction, RIGHT)
-        if y[X2] <= -p[eq.DELTA] and eq.contact_force(-1, direction, pull, p) > 0.0:
-            return mode_of(friction, LEFT)
-    return free_mode(eq.load(y[X2], y[V2], pull, p), y[V1], p)
+def name_of(limited: LimitedState) -> str:
+    """Return the name of the event at which a rate reaches its limit."""
+    return f"{limited.side}{limited.limit.event}"
 
 
-def impact(side: int, e: float, y: Any, p: Any) -> None:
-    """Apply Equations (5) and (6) at the stopper on `side` and put the block on it exactly."""
-    y[X2] = side * p[eq.DELTA]
-    y[V1] = impact_law.frame_speed_after(y[V1], y[V2], e, p)
-    y[V2] = impact_law.block_speed_after(y[V2], e)
+def flow_of(
+    model: Model,
+    right: Function,
+    left: Function | None,
+    dissipation: Mapping[str, Function] | None,
+) -> Callable[..., Any]:
+    """Return the flow without the parts; with dissipated powers, with sums of works and losses."""
+    voltage = f"p[{model.layout.drive}:]"
+    lines = [
+        f"v = right(t, {voltage})",
+        f"w = {f'left(t, {voltage})' if left else '0.0'}",
+        "pulled = pull(v, w, y, p)",
+        "inner = load(y[X2], y[V2], pulled + force(y, p), p)",
+        # Reciprocals need not wait for the load, as quotients would.
+        "a1 = (inner + on_frame(y, p)) * (1.0 / p[M1])",
+        "a2 = (on_block(y, p) - inner) * (1.0 / p[M2])",
+    ]
+    rates = {f"rate_{i}": rate for i, rate in enumerate(model.rates)}
+    losses = {f"loss_{i}": loss for i, loss in enumerate((dissipation or {}).values())}
+    values = ["y[V1]", "a1", "y[V2]", "a2 - a1", *(f"{rate}(v, w, y, p)" for rate in rates)]
+    if dissipation is not None:
+        values += ["pulled * y[V2]", "mode.frame * y[V1]"]
+        values += ["sliding(mode.frame, y[V1], p) * y[V1]", "p[C] * y[V2] * y[V2]"]
+        values += [f"{loss}(v, w, y, p)" for loss in losses]
+    return generated(
+        "flow(mode, t, y, p)",
+        f"({', '.join(values)})",
+        *lines,
+        **{name: getattr(eq, name) for name in ("load", "V1", "X2", "V2", "M1", "M2", "C")},
+        **{name: getattr(model, name) for name in ("pull", "force", "on_frame", "on_block")},
+        **rates,
+        **losses,
+        right=right,
+        left=left,
+        sliding=model.sliding_friction,
+    )
 
 
-class Pull(NamedTuple):
-    """The force of the electrodes on the block, positive to the right, as functions for numba.
-
-    Attributes
-    ----------
-    force : callable
-        ``force(t, x2, p)``.
-    with_rate : callable
-        ``with_rate(t, x2, v2, p)``, the force and its time derivative.
-    """
-
-    force: Callable[..., float]
-    with_rate: Callable[..., tuple[float, float]]
+def generated(head: str, value: str, *lines: str, **space: Any) -> Callable[..., Any]:
+    """Return a function with these lines, which returns a value."""
+    space |= {"__name__": __name__, "SOURCE": function(head, [*lines, f"return {value}"])}
+    exec(compile(space["SOURCE"], GENERATED, "exec"), space)
+    result: Callable[..., Any] = space[head.partition("(")[0]]
+    return result
 
 
-def one_sided(voltage: Callable[..., float], voltage_rate: Callable[..., float]) -> Pull:
-    """Return the pull of the right electrode alone."""
-
-    def force(t, x2, p):  # type: ignore[no-untyped-def]
-        return eq.attraction(x2, voltage(t, p[eq.DRIVE :]), p)
-
-    def with_rate(t, x2, v2, p):  # type: ignore[no-untyped-def]
-        v = voltage(t, p[eq.DRIVE :])
-        v_rate = voltage_rate(t, p[eq.DRIVE :])
-        return eq.attraction(x2, v, p), eq.attraction_rate(x2, v2, v, v_rate, p)
-
-    return Pull(force, with_rate)
-
-
-def two_sided(right: Pull, left: Pull) -> Pull:
-    """Return the pull of both electrodes; `left` is for the mirror image of the left electrode."""
-    force_right, with_rate_right = right
-    force_left, with_rate_left = left
-
-    def force(t, x2, p):  # type: ignore[no-untyped-def]
-        return force_right(t, x2, p) - force_left(t, -x2, p)
-
-    def with_rate(t, x2, v2, p):  # type: ignore[no-untyped-def]
-        right, right_rate = with_rate_right(t, x2, v2, p)
-        left, left_rate = with_rate_left(t, -x2, -v2, p)
-        return right - left, right_rate - left_rate
-
-    return Pull(force, with_rate)
+# --- Automaton
 
 
 @cache
-def actuator_automaton(
+def device_definition(
+    kinds: tuple[TermKind, ...],
     voltage: Callable[..., float],
-    voltage_rate: Callable[..., float],
     left: Callable[..., float] | None = None,
-    left_rate: Callable[..., float] | None = None,
-    bounds: bool = True,
-) -> Automaton:
-    """Return the automaton of the actuator under the waveform ``voltage(t, q)``.
+    summed: bool = False,
+) -> Definition:
+    """Return the definition of an actuator under the waveform ``voltage(t, q)``.
 
     Parameters
     ----------
-    voltage, voltage_rate : callable
-        The waveform at the right electrode and its time derivative as scalar functions of time
-        and the drive's parameters (see `mems_impact.actuator.drives.base.Drive`).
-    left, left_rate : callable, optional
-        Those at the left electrode; none by default.
+    kinds : tuple of TermKind
+        Kinds of the terms.
+    voltage : callable
+        The waveform at the right electrode as a scalar function of time and the drive's parameters
+        (see `mems_impact.actuator.drives.base.Drive`).
+    left : callable, optional
+        The waveform at the left electrode; none by default.
+    summed : bool, optional
+        Whether works and losses are additional states (see
+        `mems_impact.actuator.energy_accounting`).
+    """
+    electrodes = 1 if left is None else 2
+    model = compose(kinds, electrodes)
+    dissipation = accounts(kinds, electrodes).dissipation if summed else None
+    sums = () if dissipation is None else (*SUMMED, *dissipation)
+    states = (*model.layout.states, *map(sum_of, sums))
+    assembled = assemble(
+        parts_of(model),
+        flow=flow_of(model, voltage, left, dissipation),
+        states=states,
+        parameters=(),
+        masses={"v1": eq.frame_mass, "v1 + v2": eq.block_mass},
+        guards=(),
+        time_scale=1.0,
+    )
+    added = range(len(model.layout.states), len(states))
+    return Definition(
+        states=states,
+        modes=mode_names(model),
+        parameters=(),
+        array_size=model.layout.hidden,
+        flow=assembled.flow,
+        guards=guards_of(model, assembled),
+        # The state may be one from which a run starts.
+        switch_transition=generated(
+            "switched(mode, t, y, p)", "begin(mode, t, y, p), y", begin=assembled.begin
+        ),
+        cyclic=(*model.cyclic, *added),
+        constrained=assembled.constrained,
+        projection=assembled.projection,
+    )
+
+
+def guards_of(model: Model, assembled: AssembledSystem) -> tuple[Guard, ...]:
+    """Return the guards with the names and the order of `GUARDS`, then those of limited rates."""
+    names = (*(guard.name for guard in GUARDS), *map(name_of, model.limits))
+    order = (*FROM_PARTS, *range(len(GUARDS), len(names)))
+    return tuple(
+        replace(assembled.guards[place], name=name, order=i)
+        for i, (place, name) in enumerate(zip(order, names, strict=True))
+    )
+
+
+def mode_names(model: Model) -> tuple[str, ...]:
+    """Return the names of all modes."""
+    suffixes = [
+        ("", *(f"-{each.side.replace(' ', '-')}{name}" for name in each.limit.modes))
+        for each in model.limits
+    ]
+    return tuple(
+        f"{mode}{''.join(reversed(limited))}"
+        for limited in product(*reversed(suffixes))
+        for mode in MODES
+    )
+
+
+@cache
+def device_automaton(
+    kinds: tuple[TermKind, ...],
+    voltage: Callable[..., float],
+    left: Callable[..., float] | None = None,
+    *,
+    summed: bool = False,
+    until: tuple[Callable[..., Any], tuple[float, ...], tuple[str, ...]] | None = None,
+    bounds: bool = True,
+) -> Automaton:
+    """Return the automaton of an actuator.
+
+    Parameters
+    ----------
+    kinds, voltage, left, summed
+        As for `device_definition`.
+    until : tuple (callable, tuple of float, tuple of str), optional
+        A function of the user whose zero ends a run, the units of the states of the actuator, of
+        time and of its parameters, and the names of these parameters.
     bounds : bool, optional
         Whether compiled functions check array bounds, as functions of users require.
     """
-    pulls = one_sided(voltage, voltage_rate)
-    if left is not None and left_rate is not None:
-        pulls = two_sided(pulls, one_sided(left, left_rate))
-    pull, pull_with_rate = pulls
-
-    def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
-        direction = direction_of(mode)
-        if side_of(mode) == 0:
-            load = eq.load(y[X2], y[V2], pull(t, y[X2], p), p)
-            dy[X2] = y[V2]
-            dy[V1] = eq.frame_acceleration(direction, load, p)
-            dy[V2] = eq.block_acceleration(direction, load, p)
-        else:
-            dy[X2] = 0.0
-            dy[V1] = eq.resting_acceleration(direction, p)
-            dy[V2] = 0.0
-        dy[X1] = y[V1] if direction != 0 else 0.0
-
-    def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
-        direction = direction_of(mode)
-        side = side_of(mode)
-        for i in range(COUNT):
-            g[i] = 1.0
-            r[i] = 1.0
-        if side == 0:
-            g[RIGHT_IMPACT] = p[eq.DELTA] - y[X2]
-            r[RIGHT_IMPACT] = -y[V2]
-            g[LEFT_IMPACT] = p[eq.DELTA] + y[X2]
-            r[LEFT_IMPACT] = y[V2]
-        else:
-            x2 = side * p[eq.DELTA]
-            force, force_rate = pull_with_rate(t, x2, 0.0, p)
-            g[RELEASE] = eq.contact_force(side, direction, force, p)
-            r[RELEASE] = eq.contact_force_rate(side, force_rate)
-        if direction != 0:
-            if side == 0:
-                load = eq.load(y[X2], y[V2], pull(t, y[X2], p), p)
-                a1 = eq.frame_acceleration(direction, load, p)
-            else:
-                a1 = eq.resting_acceleration(direction, p)
-            g[SLIP_END] = direction * y[V1]
-            r[SLIP_END] = direction * a1
-        elif side == 0:
-            force, force_rate = pull_with_rate(t, y[X2], y[V2], p)
-            load = eq.load(y[X2], y[V2], force, p)
-            a2 = eq.block_acceleration(direction, load, p)
-            rate = eq.load_rate(y[V2], a2, force_rate, p)
-            g[BREAK_AWAY] = eq.static_limit(p) - abs(load)
-            r[BREAK_AWAY] = -math.copysign(1.0, load) * rate
-
-    def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
-        if code in (RIGHT_IMPACT, LEFT_IMPACT):
-            impact(1 if code == RIGHT_IMPACT else -1, p[eq.E], y, p)
-        elif code in (COUNT + RIGHT_IMPACT, COUNT + LEFT_IMPACT):
-            # A complete chatter sequence ends like an impact without rebound.
-            impact(1 if code == COUNT + RIGHT_IMPACT else -1, 0.0, y, p)
-        elif code == RELEASE:
-            # The contact force is zero up to rounding: release for either sign.
-            return free_mode(eq.load(y[X2], y[V2], pull(t, y[X2], p), p), y[V1], p)
-        elif code == SLIP_END:
-            y[V1] = 0.0
-        elif code == BREAK_AWAY:
-            # The load is at the static limit up to rounding: slip on either side of it.
-            y[V1] = 0.0
-            load = eq.load(y[X2], y[V2], pull(t, y[X2], p), p)
-            return mode_of(friction_towards(load), FREE)
-        return mode_under(y, pull(t, y[X2], p), p)
-
-    return Automaton(
-        states=STATES,
-        modes=MODES,
-        guards=GUARDS,
-        flow=flow,
-        margins=margins,
-        transition=transition,
-        cyclic=(X1,),
+    definition = device_definition(kinds, voltage, left, summed)
+    if until is not None:
+        margin = in_units_of_the_user(until[0], definition.states, *until[1:])
+        # The function may depend on the position of the frame.
+        definition = replace(ending(definition, margin), cyclic=())
+    return replace(
+        automaton_of(definition),
+        stiff=any(kind.term.stiff for kind in kinds),
         bounds=bounds,
-        recipe=(actuator_automaton, (voltage, voltage_rate, left, left_rate, bounds)),
+        recipe=(_device_automaton, (kinds, voltage, left, summed, until, bounds)),
+    )
+
+
+def _device_automaton(kinds, voltage, left, summed, until, bounds):  # type: ignore[no-untyped-def]
+    return device_automaton(kinds, voltage, left, summed=summed, until=until, bounds=bounds)
+
+
+def in_units_of_the_user(
+    until: Function, states: tuple[str, ...], units: tuple[float, ...], names: tuple[str, ...]
+) -> Function:
+    """Return `until` as a function of arrays in scaled units."""
+    n = len(units) - len(names) - 1  # sums are no states of the user
+    y = ", ".join(f"y[{i}] * {units[i]!r}" for i in range(n))
+    p = ", ".join(f"p[{i}] * {unit!r}" for i, unit in enumerate(units[n + 1 :]))
+    return generated(
+        "margin(mode, t, y, p)",
+        f"until(mode, t * {units[n]!r}, State({y}), Parameters({p}))",
+        until=until,
+        State=named_tuple("State", states[:n]),
+        Parameters=named_tuple("Parameters", names),
     )

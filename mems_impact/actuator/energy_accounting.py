@@ -1,38 +1,21 @@
 """Works and losses as additional states.
 
-The flow is that of `automaton_with_terms` with additional integrals, which have the accuracy of the
-motion.
+Integrals beside the motion have its accuracy.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.automaton import V1, V2, X1, X2, direction_of
-from mems_impact.actuator.automaton_with_terms import (
-    Model,
-    compose,
-    composed_automaton,
-    rate_writer,
-    voltage_independent,
-    voltages,
-)
+from mems_impact.actuator.equations import V1, V2, X2
+from mems_impact.actuator.model import Model, compose, voltage_independent
 from mems_impact.actuator.terms.base import Function, TermKind
-from mems_impact.hybrid.automaton import Automaton, unguarded
 
-__all__ = [
-    "SUMMED",
-    "EnergyAccounts",
-    "accounted_automaton",
-    "accounts",
-    "sum_of",
-    "summing_automaton",
-]
+__all__ = ["SUMMED", "EnergyAccounts", "accounts", "sum_of"]
 
 SUMMED = ("electrodes", "slip", "friction", "damping")
 """Integrals of every device: work of the electrodes on the block, distance of slip of the frame,
@@ -107,60 +90,6 @@ def at_electrodes_of(
         if power is not None:
             powers.append(at_electrode(power, side))
     return energies, powers
-
-
-@cache
-def summing_automaton(
-    kinds: tuple[TermKind, ...],
-    voltage: Callable[..., float],
-    voltage_rate: Callable[..., float],
-    left: Callable[..., float] | None = None,
-    left_rate: Callable[..., float] | None = None,
-    bounds: bool = True,
-) -> Automaton:
-    """Return the automaton of an actuator that integrates works and losses.
-
-    Its states are the states of the actuator, followed by an integral for each of `SUMMED` and of
-    `EnergyAccounts.dissipation`.
-
-    Parameters
-    ----------
-    kinds, voltage, voltage_rate, left, left_rate, bounds
-        As for `mems_impact.actuator.automaton_with_terms.composed_automaton`.
-    """
-    plain = composed_automaton(kinds, voltage, voltage_rate, left, left_rate, bounds)
-    electrodes = 1 if left is None else 2
-    model = compose(kinds, electrodes)
-    dissipation = accounts(kinds, electrodes).dissipation
-    pull, sliding_friction, move = model.pull, model.sliding_friction, plain.flow
-    volts = voltages(voltage, left, model.layout.drive)
-    first = len(plain.states)
-    fill = rate_writer(list(enumerate(dissipation.values(), first + len(SUMMED))))
-
-    def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
-        move(mode, t, y, p, dy)
-        v, w = volts(t, p)
-        direction, speed = direction_of(mode), dy[X2]  # zero in rest contact
-        dy[first] = pull(v, w, y, p) * speed
-        dy[first + 1] = abs(dy[X1])
-        dy[first + 2] = sliding_friction(direction, y[V1], p) * y[V1] if direction != 0 else 0.0
-        dy[first + 3] = p[eq.C] * speed * speed
-        fill(v, w, y, p, dy)
-
-    states = (*plain.states, *map(sum_of, (*SUMMED, *dissipation)))
-    return replace(
-        plain,
-        states=states,
-        flow=flow,
-        cyclic=(*plain.cyclic, *range(first, len(states))),
-        recipe=(summing_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),
-    )
-
-
-@cache
-def accounted_automaton(*given: Any) -> Automaton:
-    """Return the `summing_automaton` without guards, for single arcs."""
-    return unguarded(summing_automaton(*given))
 
 
 def sum_of(name: str) -> str:

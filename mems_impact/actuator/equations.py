@@ -11,16 +11,17 @@ from typing import Any
 # ruff: noqa: D103 - the table above the functions describes them.
 
 
-# Indices in the parameter array, in the order of `Actuator`'s fields.
-M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
+X1, V1, X2, V2 = range(4)
+STATES = ("x1", "v1", "x2", "v2")
+
+# Indices in the parameter array, in the order of `Actuator`'s fields; numbers of terms follow.
+M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, TERMS = range(12)
 
 # electrode_gap       d - x2, frozen halfway between stopper and electrode
 # attraction          alpha v^2/(d - x2)^2, right-hand side of Equation (2): the right electrode.
 #                     The left one is its mirror image: attraction(-x2, ...), to the left
-# attraction_rate     its time derivative
 # load                k x2 + c v2 - pull, the force of the block on the frame, Equation (3); `pull`
 #                     is the force of the electrodes, positive to the right
-# load_rate           its time derivative
 # static_limit        mu_s N, Equation (4)
 # sliding_friction    mu_d N sign(v1), Equation (3)
 # frame_acceleration  Equations (1) and (3), free block
@@ -28,13 +29,14 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 # resting_acceleration  of frame and block together, the block on a stopper
 # contact_force       between stopper and resting block, positive when it presses: Equations
 #                     (1) and (2) with x2 held
-# contact_force_rate  its time derivative
 # The impact law, Equations (5) and (6), is in `impact_law`.
 #
 # Functions that terms may replace (see `actuator.terms.base`):
 #
 # capacitance, capacitance_slope   2 alpha/(d - x), x towards the electrode, and its derivative
-# mu_d, no_adhesion, no_slopes   constants of the paper, and zero
+# mu_d                             constant of the paper
+#
+# mu_s, frame_mass, block_mass, right_stopper, left_stopper   for the parts of `automaton`
 
 
 def electrode_gap(x2: float, p: Any) -> float:
@@ -49,19 +51,8 @@ def attraction(x2: float, voltage: float, p: Any) -> float:
     return voltage * voltage * (p[ALPHA] / (gap * gap))
 
 
-def attraction_rate(x2: float, v2: float, voltage: float, voltage_rate: float, p: Any) -> float:
-    gap = electrode_gap(x2, p)
-    by_drive = 2.0 * voltage * voltage_rate / (gap * gap)
-    by_motion = 2.0 * voltage * voltage * v2 / (gap * gap * gap)
-    return p[ALPHA] * (by_drive + by_motion)
-
-
 def load(x2: float, v2: float, pull: float, p: Any) -> float:
     return p[K] * x2 + p[C] * v2 - pull
-
-
-def load_rate(v2: float, a2: float, pull_rate: float, p: Any) -> float:
-    return p[K] * v2 + p[C] * a2 - pull_rate
 
 
 def static_limit(p: Any) -> float:
@@ -92,10 +83,6 @@ def contact_force(side: int, direction: int, pull: float, p: Any) -> float:
     return side * (pull - p[K] * x2 - p[M2] * resting_acceleration(direction, p))
 
 
-def contact_force_rate(side: int, pull_rate: float) -> float:
-    return side * pull_rate
-
-
 def capacitance(x: float, p: Any) -> float:
     return 2.0 * p[ALPHA] / electrode_gap(x, p)
 
@@ -109,9 +96,21 @@ def mu_d(speed: float, p: Any) -> float:
     return p[MU_D]
 
 
-def no_adhesion(p: Any) -> float:
-    return 0.0
+def mu_s(p: Any) -> float:
+    return p[MU_S]
 
 
-def no_slopes(depth: float, rate: float, p: Any) -> tuple[float, float]:
-    return 0.0, 0.0
+def frame_mass(p: Any) -> float:
+    return p[M1]
+
+
+def block_mass(p: Any) -> float:
+    return p[M2]
+
+
+def right_stopper(p: Any) -> float:
+    return p[DELTA]
+
+
+def left_stopper(p: Any) -> float:
+    return -p[DELTA]

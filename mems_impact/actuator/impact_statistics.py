@@ -11,17 +11,9 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import impact_law
-from mems_impact.actuator.automaton import (
-    GUARDS,
-    MODES,
-    RELEASE,
-    SLIP_END,
-    V2,
-    X1,
-    direction_of,
-    side_of,
-)
-from mems_impact.actuator.automaton_with_terms import layout
+from mems_impact.actuator.automaton import GUARDS, MODES, RELEASE, SLIP_END, direction_of, side_of
+from mems_impact.actuator.equations import V2, X1
+from mems_impact.actuator.model import layout
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.terms.base import is_compliant
 from mems_impact.hybrid.event_loop import workspace

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
-from mems_impact.actuator.automaton import RIGHT_IMPACT, V1, V2, X1
+from mems_impact.actuator.automaton import RIGHT_IMPACT
+from mems_impact.actuator.equations import V1, V2, X1
 from mems_impact.actuator.impact_statistics import (
     RestDetector,
     each_blow,

@@ -26,7 +26,7 @@ from mems_impact.actuator.impact_statistics import BlowCounter, RestDetector
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.statistics import Accumulator
-from mems_impact.actuator.system import ActuatorSystem, EndedSystem, EnergyAccountingSystem, kind_of
+from mems_impact.actuator.system import ActuatorSystem, kind_of
 from mems_impact.actuator.terms.files import table_of as term_table
 from mems_impact.actuator.terms.files import term_of
 from mems_impact.actuator.units import DeviceScales
@@ -84,31 +84,24 @@ def _parts(system: ActuatorSystem) -> dict[str, Any]:
         "actuator": actuator_parts(system.actuator),
         "drive": table_of(system.drive),
         "scales": system.units.scales,
+        "with energy": system.includes_energy,
         "description": describe(system, system.functions) if has_functions else None,
     }
 
 
 def _system(parts: dict[str, Any], reader: Reader) -> HybridSystem:
     if parts["description"] is not None:
-        return restored(parts["description"], reader)
-    system = ActuatorSystem(actuator_of(parts["actuator"]), drive_of(parts["drive"]))
-    system = system.restored({}, parts["scales"])
-    if reader.system is not None:
-        check_same_system(reader.system, describe(system, {}), reader.path)
-    return system
-
-
-def _ledger(system: HybridSystem) -> HybridSystem:
-    return system.with_energy() if isinstance(system, ActuatorSystem) else system
+        system: Any = restored(parts["description"], reader)
+    else:
+        system = ActuatorSystem(actuator_of(parts["actuator"]), drive_of(parts["drive"]))
+        system = system.restored({}, parts["scales"])
+        if reader.system is not None:
+            check_same_system(reader.system, describe(system, {}), reader.path)
+    is_accounted = parts["with energy"] and isinstance(system, ActuatorSystem)
+    return system.with_energy() if is_accounted else system
 
 
 register(ActuatorSystem, parts=_parts, reading=_system)
-register(EndedSystem, parts=_parts, reading=_system)
-register(
-    EnergyAccountingSystem,
-    parts=_parts,
-    reading=lambda parts, reader: _ledger(_system(parts, reader)),
-)
 register(Actuator, parts=actuator_parts, reading=lambda parts, reader: actuator_of(parts))
 register(PulseAndHold, parts=table_of, reading=lambda parts, reader: drive_of(parts))
 register(DeviceScales, parts=lambda scales: {name: getattr(scales, name) for name in SCALES})

@@ -10,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact.actuator.automaton import GUARDS, MODES, STATES, V2, X1, X2
+from mems_impact.actuator.automaton import GUARDS, MODES
+from mems_impact.actuator.equations import STATES, V2, X1, X2
 from mems_impact.actuator.impact_statistics import (
     BlowCounter,
     RestDetector,

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from typing import Any, NoReturn, Self, TypeVar
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,23 +21,21 @@ from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law
 from mems_impact.actuator.automaton import (
-    GUARDS,
+    IMPACTS,
     MARGIN_UNITS,
-    STATES,
-    V1,
-    X2,
-    actuator_automaton,
+    device_automaton,
     direction_of,
     side_of,
 )
-from mems_impact.actuator.automaton_with_terms import SCRATCH_ARRAYS, compose, composed_automaton
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.drives.imported import ImportedVoltage, ImportedVoltages
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.energy_accounting import accounts, sum_of, summing_automaton
+from mems_impact.actuator.energy_accounting import accounts, sum_of
+from mems_impact.actuator.equations import STATES, V1, X2
+from mems_impact.actuator.model import HIDDEN, compose, layout
 from mems_impact.actuator.parameter_base import limits_of
 from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator
 from mems_impact.actuator.results import (
@@ -58,15 +56,12 @@ from mems_impact.actuator.units import COLUMN_UNITS, PARAMETER_UNITS, DeviceScal
 from mems_impact.errors import InvalidParameter
 from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns, observed
-from mems_impact.hybrid.automaton import Automaton, Guard
-from mems_impact.hybrid.definition import GENERATED, RATE_STEP, Typical, function, named_tuple
-from mems_impact.hybrid.event_loop.workspace import ENDS
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.definition import RATE_STEP, Typical
 from mems_impact.hybrid.pickling import reference
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.time_dependence import reads_time
-from mems_impact.integrators.dual_numbers import along, with_rate, with_rates
 from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments
 from mems_impact.systems.base import Conversion, HybridSystem
@@ -77,15 +72,11 @@ from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWin
 
 __all__ = [
     "ActuatorSystem",
-    "EndedSystem",
-    "EnergyAccountingSystem",
     "kick_speeds",
     "kicked_state",
 ]
 
 # --- Parameters of an actuator under a drive
-
-Kind = TypeVar("Kind", bound="ActuatorNumerics")
 
 
 class ActuatorNumerics(HybridSystem):
@@ -94,6 +85,9 @@ class ActuatorNumerics(HybridSystem):
     actuator: Actuator
     drive: Drive
     _scales: Scales
+    _until: Callable[..., Any] | None = None
+    includes_energy = False
+    """Whether works and losses are states, and studies show the energy input of the drive."""
     mode_by_switch = True
 
     def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
@@ -221,13 +215,14 @@ class ActuatorNumerics(HybridSystem):
     def _with(self, actuator: Actuator, drive: Drive, scales: Scales) -> Self:
         """Return the system of another actuator and drive, without validation."""
         other = object.__new__(type(self))
+        other._until, other.includes_energy = self._until, self.includes_energy
         other._put(actuator, drive, scales)
         return other
 
-    def _as(self, kind: type[Kind]) -> Kind:
-        """Return the same actuator and drive as a system of another kind."""
-        other = object.__new__(kind)
-        other._put(self.actuator, self.drive, self._scales)
+    def _featuring(self, until: Callable[..., Any] | None, summed: bool) -> Self:
+        """Return the system with other features of its runs."""
+        other = self._with(self.actuator, self.drive, self._scales)
+        other._until, other.includes_energy = until, summed
         return other
 
     def _sorted(
@@ -311,27 +306,19 @@ class ActuatorNumerics(HybridSystem):
         if unfolded:
             switches += tuple(period + time for time in switches)
             scale, period = scale or period, 2.0 * period
-        return ProblemParameters(np.concatenate([device, q]), period, switches, scale)
+        hidden = [RATE_STEP * (scale or period), *[0.0] * (HIDDEN - 1)]
+        return ProblemParameters(np.concatenate([device, hidden, q]), period, switches, scale)
 
     @cached_property
     def _device(self) -> Floats:
-        """The numbers of actuator and terms in scaled units, with scratch space."""
-        own = self.inner_actuator.to_array()
-        if not self._composed:
-            return own
+        """The numbers of actuator and terms in scaled units."""
         of_terms = [each for term in self.actuator.terms for each in term.numbers(self._scales)]
-        scratch = np.zeros(self._scratch)
-        return np.concatenate([own, of_terms, scratch])
+        return np.concatenate([self.inner_actuator.to_array(), of_terms])
 
     @property
-    def _composed(self) -> bool:
-        """Whether the equations are composed of terms, which require scratch space."""
-        return bool(self._kinds)
-
-    @property
-    def _scratch(self) -> int:
-        """Size of the scratch space."""
-        return SCRATCH_ARRAYS * len(self.states)
+    def _first_of_drive(self) -> int:
+        """Index of the first number of the drive in the parameter array."""
+        return len(self._device) + HIDDEN
 
     @cached_property
     def _term_indices(self) -> dict[str, int]:
@@ -359,7 +346,6 @@ def _source(terms: Sequence[Term], drive: Drive) -> Drive:
 
 AT_REST = State()
 CONTACT_TOLERANCE_RATIO = 1e-9  # of delta: scaling may round a block on its stopper
-IMPACT_GUARDS = tuple(guard.name for guard in GUARDS if guard.impact)
 
 
 def _frame_position(y: Any, p: Any) -> float:
@@ -375,7 +361,7 @@ def _contact_loss(y: Any, p: Any) -> float:
 
 
 STEP_OBSERVABLE = Observable("step", _frame_position, unit="m")
-IMPACT_LOSS = Observable("energy lost", _energy_lost, at=IMPACT_GUARDS, reduce="sum", unit="J")
+IMPACT_LOSS = Observable("energy lost", _energy_lost, at=IMPACTS, reduce="sum", unit="J")
 CONTACT_LOSS = Observable("energy lost", _contact_loss, unit="J")  # of compliant stoppers
 
 
@@ -383,9 +369,7 @@ def _impact_speed(mode: int, t: float, before: Any, after: Any, p: Any) -> float
     return abs(float(before.v2))
 
 
-IMPACT_SPEED = Observable(
-    "impact speed", _impact_speed, at=IMPACT_GUARDS, reduce="mean", unit="m/s"
-)
+IMPACT_SPEED = Observable("impact speed", _impact_speed, at=IMPACTS, reduce="mean", unit="m/s")
 
 
 class ActuatorSystem(ActuatorNumerics):
@@ -429,7 +413,7 @@ class ActuatorSystem(ActuatorNumerics):
         self.observables = (STEP_OBSERVABLE, CONTACT_LOSS if self._yields else IMPACT_LOSS)
 
     def _key(self) -> tuple[Any, ...]:
-        return dict(self.actuator), self.drive, self._scales
+        return dict(self.actuator), self.drive, self._scales, self._until, self.includes_energy
 
     def restored(
         self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
@@ -441,13 +425,14 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def is_data_only(self) -> bool:
-        """Whether the waveform is the package's own."""
-        return not own_functions(self.drive)
+        """Whether the waveform is the package's own, and no function of the user ends runs."""
+        return not self.functions
 
     @property
     def functions(self) -> dict[str, str]:
-        """Where functions of the drive are defined that are not the package's own."""
-        return own_functions(self.drive)
+        """Where the functions are defined that are not the package's own."""
+        until = {} if self._until is None else {"until": reference(self._until)}
+        return {**own_functions(self.drive), **until}
 
     def __repr__(self) -> str:
         return f"{self.actuator!r} under {self.drive!r}"
@@ -455,22 +440,35 @@ class ActuatorSystem(ActuatorNumerics):
     @cached_property
     def automaton(self) -> Automaton:
         """The actuator's modes and guards, under the drive's waveform."""
-        drive = self.source
-        waveform = (drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
-        kinds = self._kinds
-        if not kinds:
-            return actuator_automaton(*waveform, self._bounds)
-        return composed_automaton(kinds, *waveform, self._bounds)
+        source, until = self.source, None
+        if self._until is not None:
+            scales = self.units.scales
+            kinds = (PARAMETER_UNITS.get(name) for name in PARAMETER_NAMES)
+            sizes = [float(scales.out(1.0, unit)) if unit else 1.0 for unit in kinds]
+            units = [float(self.units.out(name, 1.0)) for name in self._own_states]
+            until = self._until, (*units, float(scales.out(1.0, "s")), *sizes), PARAMETER_NAMES
+        return device_automaton(
+            self._kinds,
+            source.voltage,
+            source.left_voltage,
+            summed=self.includes_energy,
+            until=until,
+            bounds=not self.is_data_only,
+        )
+
+    @property
+    def _electrodes(self) -> int:
+        return 1 if self.drive.left_voltage is None else 2
+
+    @cached_property
+    def _own_states(self) -> tuple[str, ...]:
+        """The states of the actuator, without sums of energy accounting."""
+        return layout(self._kinds, self._electrodes).states
 
     @cached_property
     def _yields(self) -> bool:
         """Whether the stoppers are compliant, so that a block may be beyond them."""
         return is_compliant(self.actuator)
-
-    @cached_property
-    def _bounds(self) -> bool:
-        """Whether compiled functions check array bounds, as functions of users require."""
-        return not self.is_data_only
 
     def export_model(
         self,
@@ -533,7 +531,7 @@ class ActuatorSystem(ActuatorNumerics):
         """Indices in the parameter array of the numbers that occur in it as they stand."""
         places = {**{name: i for i, name in enumerate(PARAMETER_NAMES)}, **self._term_indices}
         if isinstance(self.source, Sine):
-            first = len(self._device)
+            first = self._first_of_drive
             places |= {"amplitude": first, "phase": first + 3}
         shaping = {
             f"{term.name()}.{name}"
@@ -584,8 +582,11 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def study_observables(self) -> tuple[Observable, ...]:
-        """Displacement of the frame, impact speeds and energy losses."""
-        return (*self.observables, IMPACT_SPEED)
+        """Displacement of the frame, impact speeds and energies."""
+        if not self.includes_energy:
+            return (*self.observables, IMPACT_SPEED)
+        given = _given(self._kinds, self._electrodes, self.states)
+        return (*self.observables, IMPACT_SPEED, Observable("energy in", given, unit="J"))
 
     @property
     def observed(self) -> CompiledObservables:
@@ -655,8 +656,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     def resting_pull(self, right: Floats, left: Floats) -> Floats:
         """Return the force on the block at rest in the middle for values of both sources."""
-        sides = 1 if self.drive.left_voltage is None else 2
-        model, p = compose(self._kinds, sides), self.numbers().parameters
+        model, p = compose(self._kinds, self._electrodes), self.numbers().parameters
         y = np.zeros(len(model.layout.states))
         rows = zip(self.into_drive(right), self.into_drive(left), strict=True)
         pulls = np.array([model.pull(v, w, y, p) for v, w in rows], dtype=np.float64)
@@ -667,7 +667,7 @@ class ActuatorSystem(ActuatorNumerics):
 
         Its studies show the input per period and per impact.
         """
-        return self._as(EnergyAccountingSystem)
+        return self._featuring(self._until, True)
 
     def start_of(self, direction: str) -> State:
         """Return rest in the middle for a sweep up, and a kick for one down."""
@@ -681,8 +681,18 @@ class ActuatorSystem(ActuatorNumerics):
             raise InvalidParameter(name, 0.0, "", problem=problem)
 
     def ending(self, until: Callable[..., float]) -> HybridSystem:
-        """Return the system with runs that end at a falling zero of ``until(mode, t, y, p)``."""
-        return ended(self, until)
+        """Return the system with runs that end at a falling zero of ``until(mode, t, y, p)``.
+
+        The function is called in the units of the device, with the states and the eleven
+        parameters by name. The position of the frame is measured from the start of the run.
+        """
+        arguments.function("until", until, *arguments.ARGUMENTS)
+        return self._featuring(until, self.includes_energy)
+
+    @property
+    def without_until(self) -> ActuatorSystem:
+        """The system without the function that ends its runs."""
+        return self._featuring(None, self.includes_energy)
 
     def standstill_test(self) -> Callable[[Trajectory], float | None]:
         """Return a test for standstill: the number of periods after which a run rests, or None."""
@@ -718,10 +728,10 @@ class ActuatorSystem(ActuatorNumerics):
             raise InvalidParameter("mode", state.mode, "", problem=problem)
 
     def state_of(self, instant: HybridState) -> State:
-        """Return an instant as a state in the device's units."""
+        """Return an instant as a state in the device's units, without sums."""
         values = {
             name: self.units.out(name, value)
-            for name, value in zip(self.states, instant.y.tolist(), strict=True)
+            for name, value in zip(self._own_states, instant.y.tolist(), strict=False)
         }
         time = float(self.units.scales.out(instant.time, "s"))
         if self.units.scales is not DIMENSIONLESS:
@@ -747,8 +757,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     def validity(self, problem: Problem, start: HybridState) -> Validity | None:
         """Return an observer that warns if a run leaves the range of validity of its terms."""
-        sides = 1 if self.drive.left_voltage is None else 2
-        parts = compose(self._kinds, sides).contributions if self._kinds else ()
+        parts = compose(self._kinds, self._electrodes).contributions if self._kinds else ()
         limits = [limit for part in parts for limit in part.limits]
         return Validity(limits, problem, start, self._scales) if limits else None
 
@@ -894,7 +903,7 @@ class ImportedSystem(ActuatorSystem):
             raise InvalidParameter("inputs", list(inputs), "", problem=problem)
         others = [name for name in inputs if name not in VOLTAGES]
         model = HybridSystem.export_model(self, others, initial, options)
-        first = len(self._device)
+        first = self._first_of_drive
         unit = self.drive_unit if self.units.scales.named else ""
         voltages = tuple(
             ExportedNumber(
@@ -917,53 +926,6 @@ class ImportedSystem(ActuatorSystem):
         )
 
 
-# --- Energy accounting in studies
-
-NO_UNTIL_REASON = "energy accounting is for studies, whose runs have no until function"
-
-
-class EnergyAccountingSystem(ActuatorSystem):
-    """An actuator under a drive whose studies include the energy input of the drive."""
-
-    @property
-    def automaton(self) -> Automaton:
-        """The automaton of the actuator, with integrals of works and losses."""
-        drive = self.source
-        waveform = (drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
-        return summing_automaton(self._kinds, *waveform, self._bounds)
-
-    @property
-    def _composed(self) -> bool:
-        return True
-
-    @property
-    def _scratch(self) -> int:
-        return SCRATCH_ARRAYS * self._plain
-
-    @cached_property
-    def _plain(self) -> int:
-        """Number of states without these integrals."""
-        names = (name.startswith(sum_of("")) for name in self.states)
-        return len(self.states) - sum(names)
-
-    @property
-    def study_observables(self) -> tuple[Observable, ...]:
-        """Observables of every actuator, and the energy input of the drive."""
-        electrodes = 1 if self.drive.left_voltage is None else 2
-        given = Observable("energy in", _given(self._kinds, electrodes, self.states), unit="J")
-        return (*super().study_observables, given)
-
-    def ending(self, until: Callable[..., float]) -> NoReturn:
-        """Raise InvalidParameter, since runs of studies have no until function."""
-        raise InvalidParameter("until", until, "", problem=NO_UNTIL_REASON)
-
-    def state_of(self, instant: HybridState) -> State:
-        """Return an instant as a state of the actuator, without the integrals."""
-        state = super().state_of(instant)
-        values = {name: state[name] for name in self.states[: self._plain]}
-        return state_from(values, time=state.time, initial=instant.initial)
-
-
 @cache
 def _given(
     kinds: tuple[TermKind, ...], electrodes: int, states: tuple[str, ...]
@@ -979,156 +941,3 @@ def _given(
         return total
 
     return energy_in
-
-
-# --- Runs that end at a zero of a function of the user
-
-Function = Callable[..., Any]
-
-
-class EndedSystem(ActuatorSystem):
-    """An actuator under a drive with runs that end at a zero of ``until(mode, t, y, p)``.
-
-    The function is called in the units of the device, with the states and the eleven parameters by
-    name. The position of the frame is measured from the start of the run.
-    """
-
-    until: Function
-
-    def _key(self) -> tuple[Any, ...]:
-        return *super()._key(), self.until
-
-    def _with(self, actuator: Actuator, drive: Drive, scales: Scales) -> Self:
-        other = super()._with(actuator, drive, scales)
-        other.until = self.until
-        return other
-
-    @property
-    def without_until(self) -> ActuatorSystem:
-        """The system without the until function."""
-        return self._as(ActuatorSystem)
-
-    @property
-    def is_data_only(self) -> bool:
-        """False: files cannot contain the function."""
-        return False
-
-    @property
-    def functions(self) -> dict[str, str]:
-        """Places of definition of the function, and of the user's functions of the drive."""
-        return {**super().functions, "until": reference(self.until)}
-
-    def ending(self, until: Function) -> EndedSystem:
-        """Return the system with another until function."""
-        return ended(self, until)
-
-    def with_energy(self) -> NoReturn:
-        """Raise InvalidParameter, since runs of studies have no until function."""
-        raise InvalidParameter("until", self.until, "", problem=NO_UNTIL_REASON)
-
-    @property
-    def automaton(self) -> Automaton:
-        """The automaton of the actuator with an additional guard."""
-        base, numbers = super().automaton, super().numbers()
-        units = [float(self.units.out(name, 1.0)) for name in base.states]
-        scales = self.units.scales
-        kinds = (PARAMETER_UNITS.get(name) for name in PARAMETER_NAMES)
-        sizes = [float(scales.out(1.0, unit)) if unit else 1.0 for unit in kinds]
-        time, count = float(scales.out(1.0, "s")), len(numbers.parameters)
-        step = RATE_STEP * (numbers.time_scale or numbers.period)
-        return _ended(base, self.until, (*units, time, *sizes), count, step)
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the components of the state."""
-        return super().automaton.states
-
-    def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
-        """Return the numbers of the actuator, followed by scratch space and the time base."""
-        found = super().numbers(changes)
-        scratch = np.zeros(3 * len(self.states) + 1)
-        return found._replace(parameters=np.concatenate([found.parameters, scratch]))
-
-
-def ended(system: ActuatorSystem, until: Function) -> EndedSystem:
-    """Return the system with runs that end at a falling zero of `until`.
-
-    Raises
-    ------
-    InvalidParameter
-        If it is not a function of four arguments.
-    """
-    arguments.function("until", until, *arguments.ARGUMENTS)
-    other = system._as(EndedSystem)
-    other.until = until
-    return other
-
-
-@cache
-def _ended(
-    base: Automaton, until: Function, units: tuple[float, ...], count: int, step: float
-) -> Automaton:
-    """Return an automaton with an additional guard that ends the run.
-
-    Parameters
-    ----------
-    base : Automaton
-    until : callable
-    units : tuple of float
-        Units of the states, of time and of the parameters, in scaled units.
-    count : int
-        Number of parameters of the system; scratch space for three states and the time base follow.
-    step : float
-        Step of the rate, if it is a difference.
-    """
-    n, m = len(base.states), len(base.guards)
-    margin = _in_units_of_the_user(until, base.states, units)
-    flow, margins, transition = base.flow, base.margins, base.transition
-    clock = count + 3 * n
-
-    def more_margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
-        margins(mode, t, y, p, g, r)
-        slope = p[count + 2 * n : count + 3 * n]
-        flow(mode, t, y, p, slope)
-        moving = with_rates(y, slope, p[count : count + 2 * n])
-        g[m], r[m] = along(margin, step, mode, with_rate(p[clock] + t, 1.0), moving, p)
-
-    def with_end(mode, code, t, y, p):  # type: ignore[no-untyped-def]
-        if code == m or code == 2 * m + 1:
-            return ENDS
-        # The codes of rest and of a switch are shifted by the additional guard.
-        own = code - 2 if code == 2 * m + 2 else (code - 1 if code > m else code)
-        return transition(mode, own, t, y, p)
-
-    last = max(guard.order or 0 for guard in base.guards)
-    return replace(
-        base,
-        guards=(*base.guards, Guard("until", order=last + 1)),
-        margins=more_margins,
-        transition=with_end,
-        clock=clock,
-        timed=(m,) if reads_time(until) else (),
-        cyclic=(),  # `until` may depend on the position of the frame
-        bounds=True,
-        recipe=(_ended, (base, until, units, count, step)),
-    )
-
-
-def _in_units_of_the_user(
-    until: Function, states: tuple[str, ...], units: tuple[float, ...]
-) -> Function:
-    """Return `until` as a function of arrays in scaled units."""
-    n = len(states)
-    y = ", ".join(f"y[{i}] * {units[i]!r}" for i in range(n))
-    p = ", ".join(f"p[{i}] * {unit!r}" for i, unit in enumerate(units[n + 1 :]))
-    space: dict[str, Any] = {
-        "__name__": __name__,
-        "until": until,
-        "State": named_tuple("State", states),
-        "Parameters": named_tuple("Parameters", PARAMETER_NAMES),
-    }
-    line = f"return until(mode, t * {units[n]!r}, State({y}), Parameters({p}))"
-    space["SOURCE"] = function("margin(mode, t, y, p)", [line])  # which export translates
-    exec(compile(space["SOURCE"], GENERATED, "exec"), space)
-    margin: Function = space["margin"]
-    return margin

@@ -137,7 +137,7 @@ def refuse_system(device: str) -> None:
 
 def state_from(initial: Initial, actuator: Actuator) -> State:
     """Return the state that ``--initial`` describes."""
-    from mems_impact.actuator.automaton import STATES
+    from mems_impact.actuator.equations import STATES
     from mems_impact.actuator.system import kicked_state
     from mems_impact.systems.state import state_from as state_of
 

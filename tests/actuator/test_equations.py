@@ -34,28 +34,6 @@ def test_the_equations_of_motion_are_those_of_the_paper(x2, v2, v, direction):
         assert a1 == 0.0
 
 
-@given(positions, speeds, speeds, volts, st.floats(-1.0, 1.0))
-def test_rates_are_derivatives(x2, v2, a2, v, v_rate):
-    h = 1e-6
-
-    def along(s):
-        return x2 + v2 * s + a2 * s * s / 2.0, v2 + a2 * s, v + v_rate * s
-
-    def load(x2, v2, v):
-        return eq.load(x2, v2, eq.attraction(x2, v, P), P)
-
-    loads = [load(*along(s)) for s in (h, -h)]
-    exact = eq.load_rate(v2, a2, eq.attraction_rate(x2, v2, v, v_rate, P), P)
-    if max(along(h)[0], along(-h)[0]) < 0.5:
-        assert (loads[0] - loads[1]) / (2.0 * h) == pytest.approx(exact, abs=1e-7)
-    for side in (1, -1):
-        wall = side * ZHAO.delta
-        pulls = [eq.attraction(wall, v + v_rate * s, P) for s in (h, -h)]
-        forces = [eq.contact_force(side, 0, pull, P) for pull in pulls]
-        rate = eq.contact_force_rate(side, eq.attraction_rate(wall, 0.0, v, v_rate, P))
-        assert (forces[0] - forces[1]) / (2.0 * h) == pytest.approx(rate, abs=1e-7)
-
-
 @given(speeds, speeds, st.floats(0.0, 1.0))
 def test_impacts_keep_momentum_and_restitution(v1, v2, e):
     after1, after2 = impact_law.frame_speed_after(v1, v2, e, P), impact_law.block_speed_after(v2, e)

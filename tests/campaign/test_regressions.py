@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.automaton import GUARDS, RIGHT, STUCK, V1, mode_of
+from mems_impact.actuator.automaton import GUARDS, RIGHT, STUCK, mode_of
+from mems_impact.actuator.equations import V1
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import workspace
 from tests.hybrid.systems import ENGINES, INF, SQUARE, STOP, TAU, simulate, stop, times

@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import expm, expm_frechet
 
 from mems_impact.actuator.automaton import LEFT_IMPACT, RIGHT_IMPACT, SLIP_END
+from mems_impact.actuator.model import HIDDEN
 from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Automaton, Guard
@@ -129,7 +130,7 @@ def free_fall(mode, t, y, p, dy):
 
 # The actuator.
 
-DRIVE = {"amplitude": len(PARAMETER_NAMES), "omega": len(PARAMETER_NAMES) + 1}
+DRIVE = {"amplitude": len(PARAMETER_NAMES) + HIDDEN, "omega": len(PARAMETER_NAMES) + HIDDEN + 1}
 STATE = np.array([0.0, 0.07, 0.2, 0.15])
 
 

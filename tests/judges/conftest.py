@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from mems_impact.actuator.automaton import STATES, actuator_automaton, mode_under
 from mems_impact.actuator.drives import Sine
-from mems_impact.actuator.equations import attraction
+from mems_impact.actuator.equations import STATES
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
@@ -61,12 +60,12 @@ class Result:
 
 def by_package(case: Case, periods: float, rtol: float = 1e-11) -> Result:
     sine = case.sine
-    automaton = actuator_automaton(type(sine).voltage, type(sine).voltage_rate)
-    p = np.concatenate([case.actuator.to_array(), sine.parameters()])
+    system = case.actuator.under(sine)
+    automaton, p = system.automaton, system.numbers().parameters
     options = Options(engine="compiled", rtol=rtol, atol=0.1 * rtol)
     problem = Problem(automaton=automaton, parameters=p, period=sine.period, options=options)
     y = np.array(case.start)
-    mode = mode_under(y, attraction(y[2], sine.voltage(0.0, sine.parameters()), p), p)
+    mode, _ = automaton.state_after(0, automaton.switch_code, 0.0, y, p)
     assert automaton.states == STATES
     trajectory = run(problem, HybridState(0, 0.0, mode, y, initial=True), periods)
     events = trajectory.events

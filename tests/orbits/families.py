@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from mems_impact.actuator.automaton import actuator_automaton
 from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid.automaton import Automaton, Guard
@@ -42,14 +41,13 @@ TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 FINE = {"rtol": 1e-13, "atol": 1e-15}
 DEVICE = load_actuator("zhao2004")
 SYSTEM = DEVICE.under(Sine(amplitude=0.24, omega=0.5))
-AUTOMATON = actuator_automaton(Sine.voltage, Sine.voltage_rate)
 
 
 def _actuator_problem(values):
     # Without objects of actuator and drive, whose checks take longer than a short segment.
     numbers = SYSTEM.numbers(values)
     return Problem(
-        automaton=AUTOMATON,
+        automaton=SYSTEM.automaton,
         parameters=numbers.parameters,
         period=numbers.period,
         options=Options(engine="compiled", **TIGHT),

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.actuator.automaton import actuator_automaton
 from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid.automaton import Automaton
@@ -81,10 +80,10 @@ def problem(case: Case, variant: Callable[[Automaton], Automaton], **changes: An
     """The paper's set under `case`; `changes` are options, or the section."""
     section = changes.pop("section", None)
     drive = Sine(amplitude=case.amplitude, omega=case.omega)
-    base = actuator_automaton(type(drive).voltage, type(drive).voltage_rate)
+    system = load_actuator("zhao2004").under(drive)
     return Problem(
-        automaton=variant(base),
-        parameters=np.concatenate([load_actuator("zhao2004").to_array(), drive.parameters()]),
+        automaton=variant(system.automaton),
+        parameters=system.numbers().parameters,
         period=drive.period,
         section=section,
         options=Options(**({"rtol": 1e-9, "atol": 1e-11, "engine": "compiled"} | changes)),

@@ -13,7 +13,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from sksundae.cvode import CVODE
 
-from mems_impact.actuator.automaton import actuator_automaton
 from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid.problem import Problem
@@ -57,9 +56,10 @@ def package(
 ) -> Callable[[float], Trajectory]:
     """This package's event loop with all its guards; the section x2 = 0 only on demand."""
     drive = Sine(amplitude=case.amplitude, omega=case.omega)
+    system = load_actuator("zhao2004").under(drive)
     problem = Problem(
-        automaton=actuator_automaton(type(drive).voltage, type(drive).voltage_rate, bounds=False),
-        parameters=np.concatenate([load_actuator("zhao2004").to_array(), drive.parameters()]),
+        automaton=system.automaton,
+        parameters=system.numbers().parameters,
         period=drive.period,
         section=(2, 0.0, 1) if section else None,
         options=Options(

@@ -9,8 +9,10 @@ import numpy as np
 
 from mems_impact.actuator import automaton as modes
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.automaton import V1, V2, X2, actuator_automaton, direction_of, side_of
+from mems_impact.actuator.automaton import direction_of, side_of
 from mems_impact.actuator.drives import Drive
+from mems_impact.actuator.equations import V1, V2, X2
+from mems_impact.actuator.model import HIDDEN
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
@@ -23,17 +25,18 @@ FORCE, DAMPER, FRICTION, IMPULSE = 4, 5, 6, 7
 
 
 @cache
-def with_balance(voltage: Any, rate: Any, left: Any, left_rate: Any) -> Automaton:
+def with_balance(plain: Automaton, right: Any, left: Any) -> Automaton:
     """Return the actuator's automaton with three works and the impulse of friction as states."""
-    plain = actuator_automaton(voltage, rate, left, left_rate)
-    pull = modes.one_sided(voltage, rate)
-    if left is not None:
-        pull = modes.two_sided(pull, modes.one_sided(left, left_rate))
-    force, motion = pull.force, plain.flow
+    motion, first, one_sided = plain.flow, eq.TERMS + HIDDEN, left is None
+    if left is None:
+        left = right
 
     def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
         motion(mode, t, y, p, dy)
-        attraction = force(t, y[X2], p)
+        q = p[first:]
+        attraction = eq.attraction(y[X2], right(t, q), p)
+        if not one_sided:
+            attraction -= eq.attraction(-y[X2], left(t, q), p)
         direction = direction_of(mode)
         friction = -eq.sliding_friction(direction, p)
         if direction == 0 and side_of(mode) == 0:
@@ -58,8 +61,9 @@ def imbalance(case: Case, engine: str) -> tuple[float, float]:
     """Return energy and momentum that are unaccounted for, as parts of what was turned over."""
     drive: Drive = case.drive.build()
     p = case.device
-    automaton = with_balance(drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
-    parameters = np.concatenate([case.actuator.to_array(), drive.parameters()])
+    system = case.actuator.under(drive)
+    automaton = with_balance(system.automaton, drive.voltage, drive.left_voltage)
+    parameters = system.numbers().parameters
     start = np.array([*case.start, 0.0, 0.0, 0.0, 0.0])
     mode = automaton.transition(0, automaton.switch_code, case.time, start, parameters)
     problem = Problem(

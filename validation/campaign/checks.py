@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.actuator.automaton import V1, V2, X2
+from mems_impact.actuator.equations import V1, V2, X2
 from mems_impact.errors import MemsImpactError, RunError
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events

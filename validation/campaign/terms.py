@@ -19,7 +19,7 @@ from scipy.integrate import DOP853
 import mems_impact as mi
 from mems_impact import Options
 from mems_impact.actuator.automaton import direction_of
-from mems_impact.actuator.automaton_with_terms import Model, compose
+from mems_impact.actuator.model import Model, compose
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms import TERM_CLASSES
 from mems_impact.actuator.terms.files import term_of, term_type

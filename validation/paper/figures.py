@@ -12,14 +12,7 @@ import pandas as pd
 from scipy.interpolate import PchipInterpolator
 
 from mems_impact._util.arrays import Floats
-from mems_impact.actuator.automaton import (
-    MODES,
-    RIGHT_IMPACT,
-    SLIP_END,
-    V1,
-    V2,
-    side_of,
-)
+from mems_impact.actuator.automaton import MODES, RIGHT_IMPACT, SLIP_END, side_of
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.design.operating_chart import (
     OperatingChart,
@@ -27,6 +20,7 @@ from mems_impact.actuator.design.operating_chart import (
     operating_chart,
 )
 from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.equations import V1, V2
 from mems_impact.actuator.impact_statistics import is_impact
 from mems_impact.actuator.parameters import Actuator, load_actuator
 from mems_impact.actuator.plots import plot_chart

@@ -18,15 +18,11 @@ from mems_impact.actuator.automaton import (
     MODES,
     RELEASE,
     RIGHT_IMPACT,
-    STATES,
-    V1,
-    V2,
-    X2,
-    actuator_automaton,
     direction_of,
     side_of,
 )
 from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.equations import STATES, V1, V2, X2
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.hybrid.automaton import Automaton
 
@@ -47,7 +43,7 @@ def transitions(actuator: Actuator, samples: int) -> Counter[Transition]:
     samples : int
         Random states tried for every device.
     """
-    automaton = actuator_automaton(Sine.voltage, Sine.voltage_rate)
+    automaton = actuator.under(Sine(amplitude=1.0, omega=1.0)).automaton
     weak = actuator.replace(mu_s=actuator.mu_s / 200.0, mu_d=actuator.mu_d / 200.0)
     generator = np.random.default_rng(0)
     seen: Counter[Transition] = Counter()
@@ -62,8 +58,8 @@ def _trial(
 ) -> Iterator[Transition]:
     """Put one mode into a random state on one of its guards and let that fire."""
     m = len(GUARDS)
-    q = Sine(amplitude=float(generator.uniform(0.05, 1.6) ** 2), omega=1.0).parameters()
-    p = np.concatenate([device.to_array(), q])
+    drive = Sine(amplitude=float(generator.uniform(0.05, 1.6) ** 2), omega=1.0)
+    p = device.under(drive).numbers().parameters
     t = float(generator.uniform(0.0, np.pi))
     mode, guard = int(generator.integers(len(MODES))), int(generator.integers(m))
 

@@ -14,19 +14,17 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import impact_law
-from mems_impact.actuator.automaton import V1, V2
-from mems_impact.actuator.automaton_with_terms import SCRATCH_ARRAYS, voltages
 from mems_impact.actuator.energy_accounting import (
     SUMMED,
     EnergyAccounts,
-    accounted_automaton,
     accounts,
 )
+from mems_impact.actuator.equations import V1, V2
 from mems_impact.actuator.impact_statistics import each_blow, is_impact
-from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import unguarded
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Events
@@ -173,16 +171,7 @@ def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
     problem = system.problem(replace(options, engine="interpreted"))
     if problem.options.method == "adams":
         problem = replace(problem, options=replace(problem.options, method="dop853"))
-    drive, kinds = system.source, tuple(term.kind for term in system.actuator.terms)
-    automaton = accounted_automaton(
-        kinds, drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate,
-        not system.is_data_only,
-    )  # fmt: skip
-    p = problem.parameters
-    if not kinds:  # the paper's equations need no scratch, those with terms do
-        first = len(PARAMETER_NAMES)
-        p = np.concatenate([p[:first], np.zeros(SCRATCH_ARRAYS * len(system.states)), p[first:]])
-    return replace(problem, automaton=automaton, parameters=p, section=None)
+    return replace(problem, automaton=unguarded(system.with_energy().automaton), section=None)
 
 
 class ArcNotes:
@@ -193,7 +182,7 @@ class ArcNotes:
         self.problem, self.n = problem, len(system.states)
         self.stored = tuple(accounts.stored.values())
         first = problem.parameters.size - drive.parameters().size
-        self.volts = voltages(drive.voltage, drive.left_voltage, first)
+        self.voltages, self.first = (drive.voltage, drive.left_voltage), first
         losses = (*SUMMED[2:], *accounts.dissipation, IMPACT_LABEL)
         self.columns = tuple(
             [f"lost {name}" for name in losses] + [f"stored {name}" for name in accounts.stored]
@@ -207,7 +196,8 @@ class ArcNotes:
     def note(self, now: HybridState) -> int:
         """Record the sums and the stored energies; return the number of the row."""
         p = self.problem.parameters
-        v, w = self.volts(now.time, p)
+        q = p[self.first :]
+        v, w = (0.0 if each is None else each(now.time, q) for each in self.voltages)
         work, slip, *losses = self.summed.tolist()
         self.instants.append(now.cycle + now.time / self.problem.period)
         self.work.append(work)

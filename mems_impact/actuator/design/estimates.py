@@ -14,10 +14,11 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law, results
-from mems_impact.actuator.automaton import RIGHT_IMPACT, V1, V2, X2
-from mems_impact.actuator.automaton_with_terms import Model, compose
+from mems_impact.actuator.automaton import RIGHT_IMPACT
 from mems_impact.actuator.design.static_forces import StaticForces
+from mems_impact.actuator.equations import V1, V2, X2
 from mems_impact.actuator.impact_statistics import frame_steps
+from mems_impact.actuator.model import Model, compose
 from mems_impact.actuator.parameters import Actuator, numbers_for
 from mems_impact.actuator.terms.base import drive_unit
 from mems_impact.errors import InvalidParameter

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mems_impact.actuator import results
-from mems_impact.actuator.automaton import BREAK_AWAY, V1, X1, direction_of
-from mems_impact.actuator.automaton_with_terms import compose
+from mems_impact.actuator.automaton import BREAK_AWAY, direction_of
 from mems_impact.actuator.design.energy import accounted_problem
 from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.equations import V1, X1
+from mems_impact.actuator.model import compose
 from mems_impact.actuator.parameters import Actuator, numbers_for
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
@@ -276,20 +277,13 @@ class _Chain:
             for segment, arc in zip(orbit.numeric.segments, orbit.numeric.point.arcs, strict=True)
             if direction_of(segment.mode) == 0 and segment.code != BREAK_AWAY
         ]
-        self.expected = load + _unheld(system, min(margins)) if margins else math.inf
+        held = float(system.units.scales.out(min(margins), "N")) if margins else math.inf
+        self.expected = load + held
         return self._row(orbit.step / orbit.periods, "orbit")
 
     def _row(self, moved: float, by: str) -> _Row:
         moved = 0.0 if abs(moved) < MIN_DISPLACEMENT * self.system.actuator.delta else moved
         return _Row(moved, STANDS if moved == 0.0 else WALKS if moved > 0.0 else BACK, by)
-
-
-def _unheld(system: ActuatorSystem, margin: float) -> float:
-    """Return the additional force that a frame at rest can bear, from the margin of its guard."""
-    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
-    limit = model.static_limit(system.numbers().parameters)
-    push = math.sqrt(max(0.0, limit * (limit - 2.0 * margin)))  # see `static_reserve`
-    return float(system.units.scales.out(limit - push, "N"))
 
 
 def _runaway(run: ActuatorRun, periods: int) -> int:

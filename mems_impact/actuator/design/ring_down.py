@@ -12,10 +12,10 @@ from numpy.polynomial import Chebyshev
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import results
-from mems_impact.actuator.automaton import V1, V2, X2
-from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.equations import V1, V2, X2
 from mems_impact.actuator.impact_statistics import is_impact, is_release, is_slipping
+from mems_impact.actuator.model import compose
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.base import is_compliant
 from mems_impact.analysis.orbit import ORBIT_OPTIONS

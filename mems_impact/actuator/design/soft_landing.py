@@ -14,11 +14,11 @@ from scipy.optimize import minimize
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.quantities import quantities
-from mems_impact.actuator.automaton import V2
 from mems_impact.actuator.design.closing import Closing, closing, natural_period, run_of
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drives.pulse_and_hold import PulseAndHold
 from mems_impact.actuator.drives.voltage_step import VoltageStep
+from mems_impact.actuator.equations import V2
 from mems_impact.actuator.impact_statistics import is_impact
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem

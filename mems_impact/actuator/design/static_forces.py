@@ -12,8 +12,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import impact_law
-from mems_impact.actuator.automaton import V1, V2, X2
-from mems_impact.actuator.automaton_with_terms import compose
+from mems_impact.actuator.equations import STATES, V1, V2, X2
+from mems_impact.actuator.model import compose
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.charge_drive import ChargeDrive
@@ -131,7 +131,8 @@ class StaticForces:
 
     def _adhesion(self, x2: float) -> float:
         """Return the squared voltage whose force equals the adhesion at `x2`."""
-        ratio: float = self.model.adhesion(self.p) / self.model.electrodes[0].slope(x2, self.p)
+        adhesion = self.model.adhesion(self.p) if self.model.adhesion else 0.0
+        ratio: float = adhesion / self.model.electrodes[0].slope(x2, self.p)
         return 2.0 * ratio * self._squared_drive(x2)
 
     @cached_property
@@ -163,10 +164,10 @@ class StaticForces:
         """
 
         def rates(values: Floats) -> Floats:
-            trial, slopes = y.copy(), np.zeros_like(y)
+            trial = y.copy()
             trial[indices] = values
-            self.model.rates(0.0, 0.0, trial, self.p, slopes)
-            return slopes[indices]
+            each = (self.model.rates[i - len(STATES)] for i in indices)
+            return np.array([rate(0.0, 0.0, trial, self.p) for rate in each])
 
         zero: Floats = np.zeros(len(indices))
         first = rates(zero)

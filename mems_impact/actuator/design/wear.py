@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from mems_impact._util.quantities import quantity
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.design.energy import accounted_problem, energy
+from mems_impact.actuator.model import compose
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.errors import InvalidParameter

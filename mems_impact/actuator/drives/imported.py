@@ -10,24 +10,24 @@ from mems_impact.actuator.parameter_base import Number, Positive
 
 __all__ = ["ImportedVoltage", "ImportedVoltages"]
 
-# The parameters of an imported voltage: its value and its rate, of each electrode.
-RIGHT, RIGHT_RATE, LEFT, LEFT_RATE = range(4)
+# The parameters of an imported voltage: its value, its rate, and the time of both.
+LEVEL, RATE, TIME, COUNT = range(4)
 
 
 def _right(t: float, q: NDArray[np.float64]) -> float:
-    return q[RIGHT]
-
-
-def _right_rate(t: float, q: NDArray[np.float64]) -> float:
-    return q[RIGHT_RATE]
+    return q[LEVEL] + q[RATE] * (t - q[TIME])
 
 
 def _left(t: float, q: NDArray[np.float64]) -> float:
-    return q[LEFT]
+    return q[COUNT + LEVEL] + q[COUNT + RATE] * (t - q[COUNT + TIME])
+
+
+def _right_rate(t: float, q: NDArray[np.float64]) -> float:
+    return q[RATE]
 
 
 def _left_rate(t: float, q: NDArray[np.float64]) -> float:
-    return q[LEFT_RATE]
+    return q[COUNT + RATE]
 
 
 class ImportedVoltage(Drive):
@@ -64,13 +64,13 @@ class ImportedVoltage(Drive):
         """Accept every voltage."""
 
     def parameters(self) -> NDArray[np.float64]:
-        """Return voltages and rates of both electrodes."""
-        return np.array([self.level, 0.0, self.left_level, 0.0])
+        """Return voltages, rates and their times of both electrodes."""
+        return np.array([self.level, 0.0, 0.0, self.left_level, 0.0, 0.0])
 
     @property
     def inputs(self) -> dict[str, tuple[int, int, float]]:
         """Indices in the parameters of a voltage and its rate, and its initial value, by input."""
-        return {"voltage": (RIGHT, RIGHT_RATE, self.level)}
+        return {"voltage": (LEVEL, RATE, self.level)}
 
 
 class ImportedVoltages(ImportedVoltage):
@@ -89,4 +89,4 @@ class ImportedVoltages(ImportedVoltage):
     @property
     def inputs(self) -> dict[str, tuple[int, int, float]]:
         """The same for both electrodes."""
-        return {**super().inputs, "left_voltage": (LEFT, LEFT_RATE, self.left_level)}
+        return {**super().inputs, "left_voltage": (COUNT + LEVEL, COUNT + RATE, self.left_level)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.automaton import X2
+from mems_impact.actuator.equations import X2
 from mems_impact.actuator.parameter_base import NonNegative
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 

@@ -161,8 +161,6 @@ class TermContribution:
     stopper : callable
         ``stopper(depth, rate, p)``, the force of a compliant stopper, >= 0, in place of impacts. It
         is smooth a little below depth zero.
-    stopper_slopes : callable
-        ``stopper_slopes(depth, rate, p)``, its derivatives with respect to both.
     adhesion : callable
         ``adhesion(p)``, the pull-off force of a block at rest on a stopper, >= 0.
     depends_on_x1 : bool
@@ -185,7 +183,6 @@ class TermContribution:
     restitution: Function | None = None
     sums: tuple[str, ...] = ()
     stopper: Function | None = None
-    stopper_slopes: Callable[..., tuple[float, float]] | None = None
     adhesion: Function | None = None
     depends_on_x1: bool = False
     energy: Function | None = None
@@ -376,7 +373,7 @@ class Term(Checked, ABC):
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if the term does not fit the other parameters of the actuator."""
-        bounds = self.bounds(self.kind.indices(eq.DRIVE), self.shape, is_compliant(actuator))
+        bounds = self.bounds(self.kind.indices(eq.TERMS), self.shape, is_compliant(actuator))
         p = (*actuator.to_array(), *self.numbers(DIMENSIONLESS)) if bounds else ()
         for bound in bounds:
             number = getattr(self, bound.name.removeprefix(f"{self.name()}."))

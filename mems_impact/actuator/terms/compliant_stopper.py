@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.automaton import V2, X2
+from mems_impact.actuator.equations import V2, X2
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
@@ -91,13 +91,6 @@ class CompliantStopper(Term):
         def stopper(depth, rate, p):  # type: ignore[no-untyped-def]
             return spring(depth, p) * damping_factor(rate, p)
 
-        def stopper_slopes(depth, rate, p):  # type: ignore[no-untyped-def]
-            depth_ratio = abs(depth) / p[reference]
-            factor = damping_factor(rate, p)
-            depth_slope = p[exponent] * p[stiffness] * depth_ratio ** (p[exponent] - 1.0) * factor
-            rate_slope = 1.5 * p[damping] * spring(depth, p) if factor > 0.0 else 0.0
-            return depth_slope, rate_slope
-
         def energy(y, p):  # type: ignore[no-untyped-def]
             depth = max(abs(y[X2]) - p[eq.DELTA], 0.0)
             return spring(depth, p) * depth / (p[exponent] + 1.0)
@@ -109,7 +102,6 @@ class CompliantStopper(Term):
 
         return TermContribution(
             stopper=stopper,
-            stopper_slopes=stopper_slopes,
             rates=(dissipation,),
             sums=("contact_loss",),
             energy=energy,

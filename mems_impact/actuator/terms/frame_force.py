@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mems_impact.actuator.automaton import X1
+from mems_impact.actuator.equations import X1
 from mems_impact.actuator.parameter_base import Number
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 

@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 from mems_impact._util.formatting import shown
 from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.automaton import V2, X2
-from mems_impact.actuator.automaton_with_terms import total_of
+from mems_impact.actuator.equations import V2, X2
+from mems_impact.actuator.model import total_of
 from mems_impact.actuator.parameter_base import NonNegative, Positive
 from mems_impact.actuator.terms.base import (
     Function,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.automaton import X2
+from mems_impact.actuator.equations import X2
 from mems_impact.actuator.terms.base import Device, ParameterIndices, Shape, TermContribution
 from mems_impact.actuator.terms.table import TableNumbers, TableTerm
 from mems_impact.errors import InvalidParameter

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.automaton import X1, X2
+from mems_impact.actuator.equations import X1, X2
 from mems_impact.actuator.parameter_base import Number
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 

@@ -70,9 +70,18 @@ static void engine_state(Engine *engine, double *y)
 static void engine_end_margins(Engine *engine, double *out)
 { memcpy(out, engine->rows + engine->width * ENGINE_LOW, 2 * GUARDS * sizeof(double)); }
 
+/* Give inputs with a rate the time at which they have their values. */
+static void set_input_time(Engine *engine, double t)
+{
+    int i;
+    for (i = 0; i < VALUES; i++)
+        if (RATE_INDICES[i] >= 0) engine->parameters[RATE_INDICES[i] + 1] = t;
+}
+
 static void engine_flow(Engine *engine, int64_t mode, double t, double *y, double *dy)
 {
     int j;
+    set_input_time(engine, t);
     for (j = 0; j < STATES; j++) dy[j] = NAN;
     MODEL_FLOW(mode, t, y, engine->parameters, dy);
     if (take_integer_fault()) dy[0] = NAN;
@@ -81,6 +90,7 @@ static void engine_flow(Engine *engine, int64_t mode, double t, double *y, doubl
 static void engine_margins(Engine *engine, int64_t mode, double t, double *y, double *out)
 {
     int i;
+    set_input_time(engine, t);
     for (i = 0; i < 2 * GUARDS; i++) out[i] = 1.0;
     MODEL_MARGINS(mode, t, y, engine->parameters, out, out + GUARDS);
     if (take_integer_fault()) out[0] = NAN;
@@ -88,7 +98,9 @@ static void engine_margins(Engine *engine, int64_t mode, double t, double *y, do
 
 static int64_t engine_transition(Engine *engine, int64_t mode, int64_t code, double t, double *y)
 {
-    int64_t new_mode = MODEL_TRANSITION(mode, code, t, y, engine->parameters);
+    int64_t new_mode;
+    set_input_time(engine, t);
+    new_mode = MODEL_TRANSITION(mode, code, t, y, engine->parameters);
     return take_integer_fault() ? INT64_MIN : new_mode;
 }
 

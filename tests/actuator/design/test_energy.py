@@ -7,7 +7,8 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.automaton import V1, V2, X2, actuator_automaton, direction_of, mode_under
+from mems_impact.actuator.automaton import direction_of
+from mems_impact.actuator.equations import V1, V2, X2
 from mems_impact.actuator.impact_statistics import energy_lost
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
@@ -18,14 +19,13 @@ ZHAO = mi.load_actuator("zhao2004")
 FORCE, DAMPER, FRICTION = 4, 5, 6
 
 
-def with_works(drive):
+def with_works(plain, drive):
     """Return the actuator's automaton with the works of its forces as further states."""
-    voltage = type(drive).voltage
-    plain = actuator_automaton(voltage, type(drive).voltage_rate)
+    voltage, q = drive.voltage, drive.parameters()
 
     def flow(mode, t, y, p, dy):
         plain.flow(mode, t, y, p, dy)
-        v = voltage(t, p[eq.DRIVE :])
+        v = voltage(t, q)
         speed = dy[X2]  # zero where the block rests
         dy[FORCE] = eq.attraction(y[X2], v, p) * speed
         dy[DAMPER] = -p[eq.C] * speed * speed
@@ -51,10 +51,11 @@ def imbalance(actuator, drive, y, periods, rtol):
     """Return the energy that is unaccounted for, and the sum of the works without their signs."""
     start = np.zeros(7)
     start[:4] = y
-    p = np.concatenate([actuator.to_array(), drive.parameters()])
-    mode = mode_under(start, eq.attraction(start[X2], drive.voltage(0.0, drive.parameters()), p), p)
+    system = actuator.under(drive)
+    plain, p = system.automaton, system.numbers().parameters
+    mode, _ = plain.state_after(0, plain.switch_code, 0.0, start[:4], p)
     problem = Problem(
-        automaton=with_works(drive),
+        automaton=with_works(plain, drive),
         parameters=p,
         period=drive.period,
         options=mi.Options(engine="interpreted", rtol=rtol, atol=rtol * 1e-2),

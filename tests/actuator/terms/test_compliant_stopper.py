@@ -7,8 +7,8 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import mems_impact as mi
-from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.impact_statistics import contact_time
+from mems_impact.actuator.model import compose
 from mems_impact.actuator.terms import CompliantStopper
 from mems_impact.continuation.arclength import StepControl
 

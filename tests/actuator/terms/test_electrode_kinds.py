@@ -10,7 +10,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import minimize_scalar
 
 import mems_impact as mi
-from mems_impact.actuator.automaton_with_terms import compose
+from mems_impact.actuator.model import compose
 
 ZHAO = mi.load_actuator("zhao2004")
 MITA = mi.load_actuator("mita2003")

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq, minimize_scalar
 
 import mems_impact as mi
-from mems_impact.actuator.automaton_with_terms import compose
+from mems_impact.actuator.model import compose
 
 ZHAO = mi.load_actuator("zhao2004")
 INTERPRETED = mi.Options(engine="interpreted")

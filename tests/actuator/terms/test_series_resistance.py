@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mems_impact as mi
-from mems_impact.actuator.automaton_with_terms import compose
+from mems_impact.actuator.model import compose
 
 ZHAO = mi.load_actuator("zhao2004")
 HELD = ZHAO.replace(m2=1e12)  # a block that nothing moves: C = 2 alpha/d = 2
