@@ -175,7 +175,9 @@ def device_definition(
     kinds: tuple[TermKind, ...],
     voltage: Callable[..., float],
     left: Callable[..., float] | None = None,
+    *,
     summed: bool = False,
+    until: tuple[Callable[..., Any], tuple[float, ...], tuple[str, ...]] | None = None,
 ) -> Definition:
     """Return the definition of an actuator under the waveform ``voltage(t, q)``.
 
@@ -191,6 +193,9 @@ def device_definition(
     summed : bool, optional
         Whether works and losses are additional states (see
         `mems_impact.actuator.energy_accounting`).
+    until : tuple (callable, tuple of float, tuple of str), optional
+        A function of the user whose zero ends a run, the units of the states of the actuator, of
+        time and of its parameters, and the names of these parameters.
     """
     electrodes = 1 if left is None else 2
     model = compose(kinds, electrodes)
@@ -207,7 +212,7 @@ def device_definition(
         time_scale=1.0,
     )
     added = range(len(model.layout.states), len(states))
-    return Definition(
+    definition = Definition(
         states=states,
         modes=mode_names(model),
         parameters=(),
@@ -222,6 +227,11 @@ def device_definition(
         constrained=assembled.constrained,
         projection=assembled.projection,
     )
+    if until is None:
+        return definition
+    margin = in_units_of_the_user(until[0], states, *until[1:])
+    # The function may depend on the position of the frame.
+    return replace(ending(definition, margin), cyclic=())
 
 
 def guards_of(model: Model, assembled: AssembledSystem) -> tuple[Guard, ...]:
@@ -249,41 +259,20 @@ def mode_names(model: Model) -> tuple[str, ...]:
 
 @cache
 def device_automaton(
+    bounds: bool,
     kinds: tuple[TermKind, ...],
-    voltage: Callable[..., float],
-    left: Callable[..., float] | None = None,
-    *,
-    summed: bool = False,
-    until: tuple[Callable[..., Any], tuple[float, ...], tuple[str, ...]] | None = None,
-    bounds: bool = True,
+    voltage: Function,
+    left: Function | None,
+    summed: bool,
+    until: Any,
 ) -> Automaton:
-    """Return the automaton of an actuator.
-
-    Parameters
-    ----------
-    kinds, voltage, left, summed
-        As for `device_definition`.
-    until : tuple (callable, tuple of float, tuple of str), optional
-        A function of the user whose zero ends a run, the units of the states of the actuator, of
-        time and of its parameters, and the names of these parameters.
-    bounds : bool, optional
-        Whether compiled functions check array bounds, as functions of users require.
-    """
-    definition = device_definition(kinds, voltage, left, summed)
-    if until is not None:
-        margin = in_units_of_the_user(until[0], definition.states, *until[1:])
-        # The function may depend on the position of the frame.
-        definition = replace(ending(definition, margin), cyclic=())
+    """Return the automaton of a `device_definition`, with or without checks of array bounds."""
     return replace(
-        automaton_of(definition),
+        automaton_of(device_definition(kinds, voltage, left, summed=summed, until=until)),
         stiff=any(kind.term.stiff for kind in kinds),
         bounds=bounds,
-        recipe=(_device_automaton, (kinds, voltage, left, summed, until, bounds)),
+        recipe=(device_automaton, (bounds, kinds, voltage, left, summed, until)),
     )
-
-
-def _device_automaton(kinds, voltage, left, summed, until, bounds):  # type: ignore[no-untyped-def]
-    return device_automaton(kinds, voltage, left, summed=summed, until=until, bounds=bounds)
 
 
 def in_units_of_the_user(

@@ -24,6 +24,7 @@ from mems_impact.actuator.automaton import (
     IMPACTS,
     MARGIN_UNITS,
     device_automaton,
+    device_definition,
     direction_of,
     side_of,
 )
@@ -440,6 +441,11 @@ class ActuatorSystem(ActuatorNumerics):
     @cached_property
     def automaton(self) -> Automaton:
         """The actuator's modes and guards, under the drive's waveform."""
+        return device_automaton(not self.is_data_only, *self._structure)
+
+    @cached_property
+    def _structure(self) -> tuple[Any, ...]:
+        """What determines the equations: terms, waveforms, sums and the end of runs."""
         source, until = self.source, None
         if self._until is not None:
             scales = self.units.scales
@@ -447,14 +453,16 @@ class ActuatorSystem(ActuatorNumerics):
             sizes = [float(scales.out(1.0, unit)) if unit else 1.0 for unit in kinds]
             units = [float(self.units.out(name, 1.0)) for name in self._own_states]
             until = self._until, (*units, float(scales.out(1.0, "s")), *sizes), PARAMETER_NAMES
-        return device_automaton(
-            self._kinds,
-            source.voltage,
-            source.left_voltage,
-            summed=self.includes_energy,
-            until=until,
-            bounds=not self.is_data_only,
-        )
+        return self._kinds, source.voltage, source.left_voltage, self.includes_energy, until
+
+    def _with_source(self, model: ExportedModel) -> ExportedModel:
+        """Return a model for export with the source of its generated functions."""
+        from mems_impact.export.generated_source import automaton_with_source
+
+        kinds, voltage, left, summed, until = self._structure
+        definition = device_definition(kinds, voltage, left, summed=summed, until=until)
+        automaton, generated = automaton_with_source(definition, None)
+        return replace(model, automaton=automaton, generated=generated)
 
     @property
     def _electrodes(self) -> int:
@@ -479,7 +487,7 @@ class ActuatorSystem(ActuatorNumerics):
         """Return the system as plain data for export."""
         if any(name in VOLTAGES for name in inputs):
             return self._with_imported_voltage(inputs).export_model(inputs, initial, options)
-        model = super().export_model(inputs, initial, options)
+        model = self._with_source(super().export_model(inputs, initial, options))
         named = self.name or "actuator"
         return replace(model, name=named, bounds=self._number_bounds)
 
@@ -902,7 +910,7 @@ class ImportedSystem(ActuatorSystem):
             )
             raise InvalidParameter("inputs", list(inputs), "", problem=problem)
         others = [name for name in inputs if name not in VOLTAGES]
-        model = HybridSystem.export_model(self, others, initial, options)
+        model = self._with_source(HybridSystem.export_model(self, others, initial, options))
         first = self._first_of_drive
         unit = self.drive_unit if self.units.scales.named else ""
         voltages = tuple(
