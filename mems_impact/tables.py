@@ -100,21 +100,12 @@ class Labels(Protocol):
         """Whether the system has a forcing period."""
 
     @property
-    def displayed_states(self) -> tuple[str, ...]:
-        """The states by which orbits are shown."""
+    def state_space(self) -> Any:
+        """States and further columns in tables: `mems_impact.systems.state_space`."""
 
     @property
     def section(self) -> Section | None:
         """The Poincaré section: component, level, direction."""
-
-    @property
-    def symbols(self) -> Mapping[str, str]:
-        """Symbols of parameters that do not follow from their names."""
-
-    def derived_columns(
-        self, cycle: NDArray[np.int64], time: Floats, y: Floats
-    ) -> Mapping[str, Floats]:
-        """Return further columns that depend on period, time within it and state, scaled."""
 
 
 def table(
@@ -158,9 +149,9 @@ def captions(labels: Labels) -> dict[str, Any]:
         equation = [name, float(labels.units.out(name, section[1]))]
     forced = {} if labels.forced else {"forced": False}
     return {
-        "states": list(labels.displayed_states),
+        "states": list(labels.state_space.displayed),
         "section": equation,
-        "symbols": dict(labels.symbols),
+        "symbols": dict(labels.units.symbols),
         **forced,
     }
 
@@ -485,7 +476,7 @@ def events(
     columns = {
         **_transitions(log, period, labels),
         **states(labels.automaton.states, log.after),
-        **labels.derived_columns(log.cycle, log.time, log.after),
+        **labels.state_space.derived_columns(log.cycle, log.time, log.after),
         **{name: values[mask] for name, values in observed.items()},
     }
     return table(columns, labels)
@@ -561,7 +552,7 @@ def samples(grid: Samples, period: float, labels: Labels) -> pd.DataFrame:
     columns = {
         **time_columns(grid.cycle, grid.time, period, labels),
         **states(labels.automaton.states, grid.y),
-        **labels.derived_columns(grid.cycle, grid.time, grid.y),
+        **labels.state_space.derived_columns(grid.cycle, grid.time, grid.y),
         "mode": category_column(labels.automaton.modes, grid.mode),
     }
     return table(columns, labels)

@@ -71,7 +71,7 @@ print(f"{safe.step / safe.period / best.value:.3f} of the speed at omega = {0.96
 with mi.style():
     axes = Figure(layout="constrained").subplots()
     for orbit, marker, color in ((paper, "o", "#00224e"), (best.orbit, "s", "#b3901f")):
-        amplitude = orbit.system.value("amplitude")
+        amplitude = orbit.system.parameters["amplitude"]
         for stop in (0.46, 0.6):
             table = mi.continue_solution(orbit, "omega", stop).table
             speed = table["step"] * table["omega"] / np.pi  # the force has half the period of v
@@ -85,7 +85,7 @@ with mi.style():
             swept["omega"], 1e4 * swept["mean speed"], marker, color=color, markersize=3,
             label=f"$f$ = {amplitude:g}",
         )  # fmt: skip
-        here, speed = orbit.system.value("omega"), orbit.step / orbit.period
+        here, speed = orbit.system.parameters["omega"], orbit.step / orbit.period
         axes.plot(here, 1e4 * speed, marker, color="white", markeredgecolor=color, markersize=7)
     axes.set(xlabel=r"$\omega$", ylabel="mean speed [$10^{-4}$]", xlim=(0.46, 0.59))
     axes.legend()
@@ -120,7 +120,7 @@ mi.plot_pareto(front).figure.savefig("optimal_drive_front.png", dpi=150)
 
 gradient = found.gradient("mean speed")
 for name in ("omega", "k", "e"):
-    here, h = paper.system.value(name), 1e-4 * paper.system.value(name)
+    here, h = paper.system.parameters[name], 1e-4 * paper.system.parameters[name]
     speeds = []
     for value in (here - h, here + h):
         there = mi.find_orbit(paper.system.changed(**{name: value}), guess=paper.state)

@@ -414,7 +414,7 @@ class ReportMaker:
     def _voltages(self, name: str) -> Any:
         if self.voltages is not None:
             return self.voltages
-        present = self.system.value(name)
+        present = self.system.parameters[name]
         low, high = (part * present for part in SWEEP_RANGE)
         with contextlib.suppress(InvalidParameter):  # of terms whose equilibrium is unknown
             low = min(low, BELOW_PULL_IN * contact_voltage(self.actuator) or low)

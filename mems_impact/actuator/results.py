@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
 
 __all__ = [
-    "SWEEP_COLUMNS",
     "SYMBOLS",
     "ActuatorOrbit",
     "ActuatorRun",
@@ -92,7 +91,7 @@ def impacts(
         "v2 after": rows.after[:, V2],
         "energy lost": energy,
         "x1": rows.after[:, X1],
-        **labels.derived_columns(rows.cycle, rows.time, rows.after),
+        **labels.state_space.derived_columns(rows.cycle, rows.time, rows.after),
         "step": steps,
     }
     return table(columns, labels)
@@ -149,7 +148,7 @@ def chart(
         "type": texts(row["type"] for row in rows),
         "kind": texts(row["kind"] for row in rows),
     }
-    return table({}, labels, user_columns=columns, symbols=dict(labels.symbols))
+    return table({}, labels, user_columns=columns, symbols=dict(labels.units.symbols))
 
 
 def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:
@@ -170,17 +169,6 @@ def chart_points(
     """Return one row per point of codimension two: kind and the `parameters`."""
     columns = {"kind": texts(row["kind"] for row in rows), **parameter_columns(parameters, rows)}
     return table({}, labels, user_columns=columns)
-
-
-SWEEP_COLUMNS = (
-    "impacts per period",
-    "blows per period",
-    "displacement per period",
-    "displacement per impact",
-    "mean speed",
-    "closest approach",
-)
-"""The statistics in the table of a sweep."""
 
 
 def fit_parameters(

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
+from operator import attrgetter
 from typing import Any, Literal
 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact.actuator.automaton import GUARDS, MODES
+from mems_impact.actuator.automaton import GUARDS, IMPACTS, MODES, direction_of
 from mems_impact.actuator.equations import STATES, V2, X1, X2
 from mems_impact.actuator.impact_statistics import (
     BlowCounter,
@@ -26,12 +28,13 @@ from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.terms.base import is_compliant
 from mems_impact.hybrid.attractors.mapper import RecurrenceColumns
 from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems import observables
 from mems_impact.systems.base import Conversion, HybridSystem
-from mems_impact.systems.observables import MULTIPLIER, Quantity
-from mems_impact.systems.statistics import closest_gap
+from mems_impact.systems.observables import MULTIPLIER, Observable, Quantity
+from mems_impact.systems.statistics import SystemStatistics, closest_gap
 from mems_impact.systems.window_statistics import (
     Moments,
     MotionTotals,
@@ -43,10 +46,8 @@ from mems_impact.systems.window_statistics import (
 
 __all__ = [
     "Accumulator",
+    "ActuatorStatistics",
     "Statistics",
-    "actuator_quantities",
-    "measure_names",
-    "measures",
     "standstill_period",
 ]
 
@@ -67,32 +68,6 @@ _MEASURES = (
     "closest approach",
 )
 _ENERGY = ("energy in per period", "energy in per impact")  # with energy accounting
-
-
-def measure_names(system: HybridSystem) -> tuple[str, ...]:
-    """Return the headings of `measures`."""
-    return (*_MEASURES, *_ENERGY) if "energy in" in system.observed.gains else _MEASURES
-
-
-def measures(settled: RecurrenceColumns, periods: Floats, out: Conversion) -> dict[str, Floats]:
-    """Return the statistics of attractors by heading, with the definitions of `Statistics`.
-
-    "displacement per period std" is the standard deviation over forcing periods. Compliant stoppers
-    have no impact speeds.
-    """
-    totals = MotionTotals.of(settled, periods)
-    hits = totals.impacts(GUARDS)
-    values = {
-        **motion_values(totals, hits, totals.moments["impact speed"]),
-        "displacement per period std": settled.deviations["step"],
-        "chatter per period": totals.per_period(totals.chatter),
-    }
-    if "energy in" in totals.gains:
-        given = totals.gains["energy in"]
-        values |= zip(_ENERGY, (totals.per_period(given), ratio(given, hits)), strict=True)
-    closest = closest_gap(settled.closest, GUARDS)
-    values["closest approach"] = approach(totals, hits, closest)
-    return {name: out(name, value) for name, value in values.items()}
 
 
 def motion_values(totals: MotionTotals, impacts: Any, speeds: Moments) -> dict[str, Any]:
@@ -375,13 +350,126 @@ FUNCTIONS = {
 """Functions of an orbit by the heading of the statistic."""
 
 
-def actuator_quantities(units: Mapping[str, str]) -> tuple[Quantity, ...]:
-    """Return the quantities of an actuator's orbits.
+# --- The statistics of a device
 
-    The energy input of the drive is computed on request only, since it requires an integration of
-    the orbit's arcs.
+SWEEP_COLUMNS = (
+    "impacts per period",
+    "blows per period",
+    "displacement per period",
+    "displacement per impact",
+    "mean speed",
+    "closest approach",
+)
+"""The statistics in the table of a sweep."""
+
+
+def _impact_speed(mode: int, t: float, before: Any, after: Any, p: Any) -> float:
+    return abs(float(before.v2))
+
+
+IMPACT_SPEED = Observable("impact speed", _impact_speed, at=IMPACTS, reduce="mean", unit="m/s")
+
+
+class NamedState:
+    """A state of the actuator by name."""
+
+    def __init__(self, states: Sequence[str], y: Floats) -> None:
+        vars(self).update(zip(states, y.tolist(), strict=False))
+
+
+class ActuatorStatistics(SystemStatistics):
+    """The statistics of an actuator under a drive, with the definitions of `Statistics`.
+
+    Parameters
+    ----------
+    system : ActuatorSystem
+    given : tuple of Observable, optional
+        The energy input of the drive.
     """
-    known = [Quantity(name, each, units.get(name, "")) for name, each in FUNCTIONS.items()]
-    joule = units.get("energy lost per period", "")
-    given = Quantity("energy given per period", _energy_given, joule, costly=True)
-    return (*known, given, MULTIPLIER)
+
+    _system: Any
+
+    def __init__(self, system: HybridSystem, given: tuple[Observable, ...] = ()) -> None:
+        super().__init__(system, partial(NamedState, system.states), attrgetter("parameters"))
+        self._given = given
+
+    @property
+    def observables(self) -> tuple[Observable, ...]:
+        """Displacement of the frame, impact speeds and energies."""
+        return (*self._system.observables, IMPACT_SPEED, *self._given)
+
+    def codes(self, observable: Observable) -> tuple[int, ...]:
+        """Return the codes of the transitions at which studies evaluate an observable.
+
+        The end of chatter loses energy, but it is no impact.
+        """
+        codes = super().codes(observable)
+        return codes[: len(observable.at)] if observable is IMPACT_SPEED else codes
+
+    def accumulator(
+        self, problem: Problem, start: HybridState, window: TimeWindow
+    ) -> StatisticsAccumulator:
+        """Return the accumulator of the statistics of a run."""
+        modes = len(problem.automaton.modes)
+        return Accumulator(self._system.inner_actuator, start, window, modes)
+
+    def standstill_test(self) -> Callable[[Trajectory], float | None]:
+        """Return a test for standstill: the number of periods after which a run rests, or None."""
+        return partial(standstill_period, actuator=self._system.inner_actuator)
+
+    def moves(self, instant: HybridState) -> bool:
+        """Return whether the frame slides."""
+        return direction_of(instant.mode) != 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The headings of the statistics of attractors."""
+        return (*_MEASURES, *_ENERGY) if self._given else _MEASURES
+
+    def of_attractors(
+        self, settled: RecurrenceColumns, periods: Floats, out: Conversion
+    ) -> dict[str, Floats]:
+        """Return the statistics of attractors that studies write, by heading.
+
+        "displacement per period std" is the standard deviation over forcing periods. Compliant
+        stoppers have no impact speeds.
+        """
+        totals = MotionTotals.of(settled, periods)
+        hits = totals.impacts(GUARDS)
+        values = {
+            **motion_values(totals, hits, totals.moments["impact speed"]),
+            "displacement per period std": settled.deviations["step"],
+            "chatter per period": totals.per_period(totals.chatter),
+        }
+        if "energy in" in totals.gains:
+            given = totals.gains["energy in"]
+            values |= zip(_ENERGY, (totals.per_period(given), ratio(given, hits)), strict=True)
+        closest = closest_gap(settled.closest, GUARDS)
+        values["closest approach"] = approach(totals, hits, closest)
+        return {name: out(name, value) for name, value in values.items()}
+
+    @property
+    def sweep_columns(self) -> tuple[str, ...]:
+        """The statistics in the table of a sweep."""
+        return SWEEP_COLUMNS
+
+    @property
+    def plotted(self) -> Mapping[str, tuple[str, str]]:
+        """The step and the speed of the frame."""
+        return {
+            "step": ("displacement per impact", "step per impact"),
+            "speed": ("mean speed", "mean speed"),
+        }
+
+    @property
+    def orbit_quantities(self) -> tuple[Quantity, ...]:
+        """The quantities of an actuator's orbits.
+
+        The energy input of the drive is computed on request only, since it requires an integration
+        of the orbit's arcs.
+        """
+        units = self._system.units
+        known = [Quantity(name, each, units.get(name, "")) for name, each in FUNCTIONS.items()]
+        joule = units.get("energy lost per period", "")
+        given = Quantity("energy given per period", _energy_given, joule, costly=True)
+        return (*known, given, MULTIPLIER)

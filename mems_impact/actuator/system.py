@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -40,36 +40,28 @@ from mems_impact.actuator.model import HIDDEN, compose, layout
 from mems_impact.actuator.parameter_base import limits_of
 from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator
 from mems_impact.actuator.results import (
-    SWEEP_COLUMNS,
     SYMBOLS,
     ActuatorOrbit,
     ActuatorRun,
 )
-from mems_impact.actuator.statistics import (
-    Accumulator,
-    actuator_quantities,
-    measure_names,
-    measures,
-    standstill_period,
-)
+from mems_impact.actuator.statistics import ActuatorStatistics
 from mems_impact.actuator.terms.base import Term, TermKind, Validity, drive_unit, is_compliant
 from mems_impact.actuator.units import COLUMN_UNITS, PARAMETER_UNITS, DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.export.model import ExportedModel, ExportedNumber
-from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns, observed
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.definition import RATE_STEP, Typical
 from mems_impact.hybrid.pickling import reference
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
-from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments
-from mems_impact.systems.base import Conversion, HybridSystem
-from mems_impact.systems.observables import Observable, Quantity
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.checks import Checks
+from mems_impact.systems.observables import EventObserver, Observable
 from mems_impact.systems.state import State, state_from
+from mems_impact.systems.state_space import StateSpace
 from mems_impact.systems.units import Units
-from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
 
 __all__ = [
     "ActuatorSystem",
@@ -89,7 +81,6 @@ class ActuatorNumerics(HybridSystem):
     _until: Callable[..., Any] | None = None
     includes_energy = False
     """Whether works and losses are states, and studies show the energy input of the drive."""
-    mode_by_switch = True
 
     def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
         self.name = ""
@@ -160,7 +151,12 @@ class ActuatorNumerics(HybridSystem):
             of_drive = {name: self.drive.unit(name) for name in self._drive_names}
             of_drive = {name: kinds.get(unit, unit) for name, unit in of_drive.items()}
             names = {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
-        return Units(names, self._scales, margin_names=MARGIN_UNITS)
+        return Units(
+            names,
+            self._scales,
+            margin_names=MARGIN_UNITS,
+            symbols={} if names else SYMBOLS,  # the paper's f for the amplitude without a unit
+        )
 
     @cached_property
     def _term_units(self) -> dict[str, str]:
@@ -366,13 +362,6 @@ IMPACT_LOSS = Observable("energy lost", _energy_lost, at=IMPACTS, reduce="sum", 
 CONTACT_LOSS = Observable("energy lost", _contact_loss, unit="J")  # of compliant stoppers
 
 
-def _impact_speed(mode: int, t: float, before: Any, after: Any, p: Any) -> float:
-    return abs(float(before.v2))
-
-
-IMPACT_SPEED = Observable("impact speed", _impact_speed, at=IMPACTS, reduce="mean", unit="m/s")
-
-
 class ActuatorSystem(ActuatorNumerics):
     """An actuator under a drive, with all their numbers as parameters.
 
@@ -391,8 +380,8 @@ class ActuatorSystem(ActuatorNumerics):
         floating point.
     """
 
-    run_type = ActuatorRun
-    orbit_type = ActuatorOrbit
+    _run_type = ActuatorRun
+    _orbit_type = ActuatorOrbit
 
     def __init__(self, actuator: Actuator, drive: Drive, scales: Scales | None = None) -> None:
         if not isinstance(actuator, Actuator):
@@ -478,7 +467,7 @@ class ActuatorSystem(ActuatorNumerics):
         """Whether the stoppers are compliant, so that a block may be beyond them."""
         return is_compliant(self.actuator)
 
-    def export_model(
+    def _export_model(
         self,
         inputs: Sequence[str] = (),
         initial: State | Mapping[str, float] | None = None,
@@ -486,8 +475,8 @@ class ActuatorSystem(ActuatorNumerics):
     ) -> ExportedModel:
         """Return the system as plain data for export."""
         if any(name in VOLTAGES for name in inputs):
-            return self._with_imported_voltage(inputs).export_model(inputs, initial, options)
-        model = self._with_source(super().export_model(inputs, initial, options))
+            return self._with_imported_voltage(inputs)._export_model(inputs, initial, options)
+        model = self._with_source(super()._export_model(inputs, initial, options))
         named = self.name or "actuator"
         return replace(model, name=named, bounds=self._number_bounds)
 
@@ -500,7 +489,7 @@ class ActuatorSystem(ActuatorNumerics):
             first += kind.length
         return tuple(found)
 
-    def limits(self, name: str) -> Limits:
+    def _limits(self, name: str) -> Limits:
         """Return the range of a parameter."""
         owner, dot, own = name.partition(".")
         if dot:
@@ -534,8 +523,8 @@ class ActuatorSystem(ActuatorNumerics):
         system._put(self.actuator, drive, self._scales)
         return system
 
-    @property
-    def parameter_indices(self) -> Mapping[str, int]:
+    @cached_property
+    def _parameter_indices(self) -> Mapping[str, int]:
         """Indices in the parameter array of the numbers that occur in it as they stand."""
         places = {**{name: i for i, name in enumerate(PARAMETER_NAMES)}, **self._term_indices}
         if isinstance(self.source, Sine):
@@ -552,7 +541,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     def _occurs_at(self, name: str, place: int) -> bool:
         """Return whether a parameter changes one element of the array, in proportion, alone."""
-        value = self.value(name)
+        value = self.parameters[name]
         other = value * (1.0 + 2.0**-10) if value != 0.0 else 2.0**-10
         before, after = self.numbers(), self.numbers({name: other})
         if len(before.parameters) != len(after.parameters) or before[1:] != after[1:]:
@@ -571,79 +560,27 @@ class ActuatorSystem(ActuatorNumerics):
         return X2, 0.0, 0
 
     @property
-    def displayed_states(self) -> tuple[str, ...]:
-        """The states in displays of orbits."""
-        return ("v2",)
-
-    @property
-    def sweep_statistics(self) -> tuple[str, ...]:
-        """The statistics in the table of a sweep."""
-        return SWEEP_COLUMNS
-
-    @property
-    def quantities(self) -> Mapping[str, tuple[str, str]]:
-        """The step and the speed of the frame."""
-        return {
-            "step": ("displacement per impact", "step per impact"),
-            "speed": ("mean speed", "mean speed"),
-        }
-
-    @property
-    def study_observables(self) -> tuple[Observable, ...]:
-        """Displacement of the frame, impact speeds and energies."""
+    def statistics(self) -> ActuatorStatistics:
+        """Statistics of runs, orbits and attractors."""
         if not self.includes_energy:
-            return (*self.observables, IMPACT_SPEED)
+            return ActuatorStatistics(self)
         given = _given(self._kinds, self._electrodes, self.states)
-        return (*self.observables, IMPACT_SPEED, Observable("energy in", given, unit="J"))
+        return ActuatorStatistics(self, (Observable("energy in", given, unit="J"),))
 
     @property
-    def observed(self) -> CompiledObservables:
-        """The same as one function of scaled states."""
-        given = (
-            (each.name, each.function, self.observable_codes(each))
-            for each in self.study_observables
-        )
-        return observed(tuple(given), self.states, None)
-
-    def observable_codes(self, observable: Observable) -> tuple[int, ...]:
-        """Return the codes of the transitions at which studies evaluate an observable.
-
-        The end of chatter loses energy, but it is no impact.
-        """
-        codes = super().observable_codes(observable)
-        return codes[: len(observable.at)] if observable is IMPACT_SPEED else codes
-
-    def measures(
-        self, settled: RecurrenceColumns, periods: Floats, out: Conversion
-    ) -> dict[str, Floats]:
-        """Return the statistics of attractors that studies write, by heading."""
-        return measures(settled, periods, out)
+    def state_space(self) -> ActuatorStateSpace:
+        """Its states: modes, limits, conversion from and to scaled states."""
+        return ActuatorStateSpace(self)
 
     @property
-    def measure_names(self) -> tuple[str, ...]:
-        """The headings of `measures`."""
-        return measure_names(self)
-
-    @property
-    def orbit_quantities(self) -> tuple[Quantity, ...]:
-        """Step, speed and energies of an orbit, and bounds of its range."""
-        return actuator_quantities(self.units)
-
-    @property
-    def symbols(self) -> Mapping[str, str]:
-        """The paper's f for the amplitude where it has no unit."""
-        return {} if self.units else SYMBOLS
+    def checks(self) -> ActuatorChecks:
+        """Checks of the validity of its terms, and of continuation."""
+        return ActuatorChecks(self)
 
     @cached_property
     def shows_node(self) -> bool:
         """Whether the voltages at the electrodes differ from the voltages of the drive."""
         return any(kind.term.in_series for kind in self._kinds)
-
-    def derived_columns(
-        self, cycle: NDArray[np.int64], time: Floats, y: Floats
-    ) -> Mapping[str, Floats]:
-        """Return the voltages at the electrodes, if they differ from the voltages of the drive."""
-        return self.node_voltages(cycle, time, y) if self.shows_node else {}
 
     def node_voltages(self, cycle: NDArray[np.int64], time: Floats, y: Floats) -> dict[str, Floats]:
         """Return the voltage at each electrode, scaled; arguments as for `derived_columns`."""
@@ -677,17 +614,6 @@ class ActuatorSystem(ActuatorNumerics):
         """
         return self._featuring(self._until, True)
 
-    def start_of(self, direction: str) -> State:
-        """Return rest in the middle for a sweep up, and a kick for one down."""
-        return State() if direction == "up" else kicked_state(self.actuator)
-
-    def check_continued(self, name: str) -> None:
-        """Raise InvalidParameter unless orbits can be continued in the parameter `name`."""
-        super().check_continued(name)
-        if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0 and not self._signed:
-            problem = "the forcing period doubles at bias = 0; start from another value"
-            raise InvalidParameter(name, 0.0, "", problem=problem)
-
     def ending(self, until: Callable[..., float]) -> HybridSystem:
         """Return the system with runs that end at a falling zero of ``until(mode, t, y, p)``.
 
@@ -702,18 +628,33 @@ class ActuatorSystem(ActuatorNumerics):
         """The system without the function that ends its runs."""
         return self._featuring(None, self.includes_energy)
 
-    def standstill_test(self) -> Callable[[Trajectory], float | None]:
-        """Return a test for standstill: the number of periods after which a run rests, or None."""
-        return partial(standstill_period, actuator=self.inner_actuator)
+
+class ActuatorStateSpace(StateSpace):
+    """The states of an actuator under a drive."""
+
+    mode_by_switch = True
+    displayed = ("v2",)
+    _system: ActuatorSystem
+
+    def derived_columns(
+        self, cycle: NDArray[np.int64], time: Floats, y: Floats
+    ) -> Mapping[str, Floats]:
+        """Return the voltages at the electrodes, if they differ from the voltages of the drive."""
+        return self._system.node_voltages(cycle, time, y) if self._system.shows_node else {}
+
+    def initial(self, direction: str) -> State:
+        """Return rest in the middle for a sweep up, and a kick for one down."""
+        return State() if direction == "up" else kicked_state(self._system.actuator)
 
     def _check_state(self, field: str, state: State) -> None:
         super()._check_state(field, state)
-        x2, delta = state.as_dict().get("x2", 0.0), self.actuator.delta
-        if self._yields:
-            delta = 0.5 * (delta + self.actuator.d)  # beyond, the electrode's force is frozen
+        x2, delta = state.as_dict().get("x2", 0.0), self._system.actuator.delta
+        if self._system._yields:
+            # Beyond, the electrode's force is frozen.
+            delta = 0.5 * (delta + self._system.actuator.d)
         if not abs(x2) <= delta:
-            where = "halfway from stopper to electrode" if self._yields else "the stoppers"
-            limits = f"-{delta:g} and {delta:g}{' m' if self.units.scales.named else ''}"
+            where = "halfway from stopper to electrode" if self._system._yields else "the stoppers"
+            limits = f"-{delta:g} and {delta:g}{' m' if self._units.scales.named else ''}"
             raise InvalidParameter("x2", x2, f"between {where} at {limits}")
         if state.mode is not None:
             self._check_mode(state)
@@ -722,12 +663,12 @@ class ActuatorSystem(ActuatorNumerics):
         """Raise InvalidParameter unless the velocities of a state are possible in its mode."""
         mode = self.mode_number(state.mode if state.mode is not None else 0)
         values = {**dict.fromkeys(STATES, 0.0), **state.as_dict()}
-        direction, side, delta = direction_of(mode), side_of(mode), self.actuator.delta
+        direction, side, delta = direction_of(mode), side_of(mode), self._system.actuator.delta
         v1, resting = values["v1"], values["v2"] == 0.0
         beyond = abs(values["x2"]) - delta if side == 0 else side * values["x2"] - delta
         touching = CONTACT_TOLERANCE_RATIO * delta
         fits = v1 == 0.0 if direction == 0 else direction * v1 >= 0.0
-        if self._yields:
+        if self._system._yields:
             fits = fits and (beyond <= touching if side == 0 else beyond >= -touching)
         else:
             fits = fits and (side == 0 or (resting and abs(beyond) <= touching))
@@ -735,17 +676,18 @@ class ActuatorSystem(ActuatorNumerics):
             problem = f"does not fit {state!r}; omit it to derive it from the state"
             raise InvalidParameter("mode", state.mode, "", problem=problem)
 
-    def state_of(self, instant: HybridState) -> State:
+    def state(self, instant: HybridState) -> State:
         """Return an instant as a state in the device's units, without sums."""
         values = {
-            name: self.units.out(name, value)
-            for name, value in zip(self._own_states, instant.y.tolist(), strict=False)
+            name: self._units.out(name, value)
+            for name, value in zip(self._system._own_states, instant.y.tolist(), strict=False)
         }
-        time = float(self.units.scales.out(instant.time, "s"))
-        if self.units.scales is not DIMENSIONLESS:
+        time = float(self._units.scales.out(instant.time, "s"))
+        if self._units.scales is not DIMENSIONLESS:
             # Scaling may round a block on its stopper, or the end of a period, to just beyond it.
-            delta, last = self.actuator.delta, math.nextafter(self.forcing_period, 0.0)
-            if not self._yields:
+            delta = self._system.actuator.delta
+            last = math.nextafter(self._system.forcing_period, 0.0)
+            if not self._system._yields:
                 values["x2"] = min(max(values["x2"], -delta), delta)
             time = min(time, last)
         return state_from(values, time=time, initial=instant.initial)
@@ -757,39 +699,31 @@ class ActuatorSystem(ActuatorNumerics):
         mode, y[:] = automaton.state_after(mode, code, time, y, problem.parameters)
         return mode
 
-    def gatherer(
-        self, problem: Problem, start: HybridState, window: TimeWindow
-    ) -> StatisticsAccumulator:
-        """Return the accumulator of the statistics of a run."""
-        return Accumulator(self.inner_actuator, start, window, len(problem.automaton.modes))
-
-    def validity(self, problem: Problem, start: HybridState) -> Validity | None:
-        """Return an observer that warns if a run leaves the range of validity of its terms."""
-        parts = compose(self._kinds, self._electrodes).contributions if self._kinds else ()
-        limits = [limit for part in parts for limit in part.limits]
-        return Validity(limits, problem, start, self._scales) if limits else None
-
-    def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
-        """Return an observable at a scaled state."""
-        return float(observable.function(NamedState(self.states, y), problem.parameters))
-
-    def evaluate_event_observable(
-        self, observable: Observable, events: Events, i: int, problem: Problem
-    ) -> float:
-        """Return an observable at an event in scaled units."""
-        before, after = (NamedState(self.states, y[i]) for y in (events.before, events.after))
-        time = float(events.cycle[i] * problem.period + events.time[i])
-        mode = int(events.mode_before[i])
-        return float(observable.function(mode, time, before, after, problem.parameters))
-
-    def snap_to_mode(self, mode: int, y: Floats) -> Floats:
+    def snap(self, mode: int, y: Floats) -> Floats:
         """Return a state found by Newton's method, with a stuck frame at rest."""
         # A rounding is left there, with which a run would begin to slip.
         return y if direction_of(mode) != 0 else np.where(np.arange(y.size) == V1, 0.0, y)
 
-    def moves(self, instant: HybridState) -> bool:
-        """Return whether the frame slides."""
-        return direction_of(instant.mode) != 0
+
+class ActuatorChecks(Checks):
+    """Checks of an actuator under a drive."""
+
+    _system: ActuatorSystem
+
+    def continuation(self, name: str) -> None:
+        """Raise InvalidParameter unless orbits can be continued in the parameter `name`."""
+        super().continuation(name)
+        system, of_bias = self._system, name.rpartition(".")[2] == "bias"
+        if of_bias and system.parameters[name] == 0.0 and not system._signed:
+            problem = "the forcing period doubles at bias = 0; start from another value"
+            raise InvalidParameter(name, 0.0, "", problem=problem)
+
+    def observers(self, problem: Problem, start: HybridState) -> list[EventObserver]:
+        """Return an observer that warns if a run leaves the range of validity of its terms."""
+        system = self._system
+        parts = compose(system._kinds, system._electrodes).contributions if system._kinds else ()
+        limits = [limit for part in parts for limit in part.limits]
+        return [Validity(limits, problem, start, system._scales)] if limits else []
 
 
 def kind_of(drive: Drive) -> str:
@@ -863,13 +797,6 @@ def kick_speeds(actuator: Actuator) -> tuple[float, float]:
     return speed, actuator.m2 * speed / (actuator.m1 + actuator.m2)
 
 
-class NamedState:
-    """A state of the actuator by name."""
-
-    def __init__(self, states: Sequence[str], y: Floats) -> None:
-        vars(self).update(zip(states, y.tolist(), strict=False))
-
-
 # --- Export with voltages as inputs
 
 VOLTAGES = ("voltage", "left_voltage")
@@ -896,7 +823,7 @@ class ImportedSystem(ActuatorSystem):
 
     drive: ImportedVoltage
 
-    def export_model(
+    def _export_model(
         self,
         inputs: Sequence[str] = (),
         initial: State | Mapping[str, float] | None = None,
@@ -910,7 +837,7 @@ class ImportedSystem(ActuatorSystem):
             )
             raise InvalidParameter("inputs", list(inputs), "", problem=problem)
         others = [name for name in inputs if name not in VOLTAGES]
-        model = self._with_source(HybridSystem.export_model(self, others, initial, options))
+        model = self._with_source(HybridSystem._export_model(self, others, initial, options))
         first = self._first_of_drive
         unit = self.drive_unit if self.units.scales.named else ""
         voltages = tuple(

@@ -167,7 +167,7 @@ class Attractor:
         The states at its returns, the latest first, in the units of the system: one period, or
         `longest` returns if the motion is not periodic.
     measures : dict of str to float
-        Its statistics, by heading (see `System.measures`).
+        Its statistics, by heading (see `System.statistics`).
     exponent, error : float
         The largest Lyapunov exponent in 1/time, and its standard error; NaN if it was not
         requested, -inf if events annihilate perturbations.
@@ -230,7 +230,7 @@ def map_attractors(
         try:
             same_system = bool(batch) and case.system is batch[-1][0].system
             problem = batch[-1][1] if same_system else case.system.problem(options)
-            start = case.system.hybrid_state(case.initial, problem)
+            start = case.system.state_space.instant(case.initial, problem)
         except (InvalidParameter, FunctionError) as error:
             follow()
             results.append(Attractor(motion=FAILED, status=str(error)))
@@ -264,7 +264,7 @@ def _followed(
             tolerance=recurrence.tolerance,
             return_kind=return_kind,
             return_index=return_index,
-            observed=system.observed,
+            observed=system.statistics.recorded,
         )
 
     unit = float(system.units.out("time", problem.period)) / _length_unit(system, problem)
@@ -394,7 +394,7 @@ class _Classifier:
         with np.errstate(all="ignore"):  # numbers of failed points
             durations = settled.duration
             lengths = durations / periods if system.forced else out("time", durations)
-            measures = system.measures(settled, lengths, out)
+            measures = system.statistics.of_attractors(settled, lengths, out)
         units = np.stack([np.broadcast_to(out(each, 1.0), periods.shape) for each in names], axis=1)
         hits = settled.counts[:, self._impacts].sum(axis=1)
         events = settled.counts.sum(axis=1) + settled.endings
@@ -436,7 +436,7 @@ class _Classifier:
                     motion=motion,
                     period=int(settled.repeats[k]),
                     returns=int(settled.returns[k]),
-                    final=systems[k].state_of(instant),
+                    final=systems[k].state_space.state(instant),
                     states=states * units[k],
                     measures=dict(zip(measures, row, strict=True)),
                     exponent=exponent / times[k],

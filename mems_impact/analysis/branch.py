@@ -351,7 +351,7 @@ def continue_solution(
     followed = _follower(solution, parameter, bounds, through_grazing, events, stop_at, progress)
     steps = steps or _steps(solution)
     with followed as follow_side:
-        side = math.copysign(1.0, stop - system.value(parameter))
+        side = math.copysign(1.0, stop - system.parameters[parameter])
         return _branch(system, follow_side(solution.numeric, side, steps), bounds)
 
 
@@ -571,7 +571,7 @@ def warn_of_corners(system: HybridSystem, branch: OrbitBranch) -> None:
         is_switch = corner.code == system.automaton.switch_code
         name = "switch_transition" if is_switch else (
             f"the transition of {guards[corner.code % len(guards)].name!r}")  # fmt: skip
-        of_user = is_switch or guards[corner.code % len(guards)].name in system.user_transitions
+        of_user = is_switch or guards[corner.code % len(guards)].name in system.checks.transitions
         if name in names or not of_user:
             continue
         names.add(name)
@@ -654,7 +654,7 @@ def no_orbits(parameter: str, system: HybridSystem) -> pd.DataFrame:
         "impact speed": math.nan,
         "closest approach": math.nan,
         **{each.name: math.nan for each in system.observables},
-        "states": {name: [math.nan] for name in system.displayed_states},
+        "states": {name: [math.nan] for name in system.state_space.displayed},
     }
     table = orbit_tables.branch(parameter, [empty], system)
     return table.iloc[:0]
@@ -672,8 +672,8 @@ def check_bounds(
     system: HybridSystem, parameter: str, stop: float, back: Any
 ) -> tuple[float, float]:
     """Return the bounds of continuation; InvalidParameter if they leave no interval."""
-    system.check_continued(parameter)
-    current = system.value(parameter)
+    system.checks.continuation(parameter)
+    current = system.parameters[parameter]
     check_value(system, parameter, "stop", stop)
     if stop == current:
         allowed = f"another value than {_amount(system, parameter, current)}, where the orbit is"
@@ -906,7 +906,7 @@ def continue_curve(
         raise InvalidParameter("special", kind, "a point of known kind")
     stop, back = _ends(system, parameter, stop, back)
     bounds = check_bounds(system, parameter, stop, back)
-    direction = math.copysign(1.0, stop - system.value(parameter))
+    direction = math.copysign(1.0, stop - system.parameters[parameter])
     low, high = (system.units.into(parameter, bound) for bound in bounds)
     noun = "equilibria" if start is None else "orbits"
     with parameter_progress(
@@ -946,7 +946,7 @@ def _at_level(
     """Return the free parameter, and an orbit as a point at which a quantity has its value."""
     if not isinstance(free, str):
         raise InvalidParameter("free", free, "a parameter that keeps the quantity constant")
-    orbit.system.check_continued(free)
+    orbit.system.checks.continuation(free)
     if not (callable(fixed) or isinstance(fixed, str)):
         allowed = "a column of the table of a branch, or a function of the orbit"
         raise InvalidParameter("fixed", fixed, allowed)

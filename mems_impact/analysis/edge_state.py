@@ -132,7 +132,7 @@ class _Tracking:
         OrbitError
             If its run fails.
         """
-        case = InitialCondition(self.system, self.system.state_of(start))
+        case = InitialCondition(self.system, self.system.state_space.state(start))
         (attractor,) = map_attractors([case], self.recurrence, self.options)
         if attractor.motion == FAILED:
             raise OrbitError(
@@ -156,9 +156,9 @@ class _Tracking:
             has_settled = attractor.motion != UNSETTLED
             if number != OTHER or attractor.final is None or (is_first and has_settled):
                 return number, attractor
-            last = self.system.hybrid_state(attractor.final, self.problem)
+            last = self.system.state_space.instant(attractor.final, self.problem)
             if has_settled:
-                first = self.system.hybrid_state(self.known[0].final, self.problem)
+                first = self.system.state_space.instant(self.known[0].final, self.problem)
                 moved = self.between(last, first, PERTURBATION)
                 if self.is_same(self.attractor(moved), attractor):
                     return OTHER, attractor
@@ -174,7 +174,9 @@ class _Tracking:
         """Return whether the last states belong to a known attractor, periodic or at rest."""
         last = rows[-(period or MAX_PERIOD) :]
         names = self.system.states
-        y = np.array([[self.system.state_of(each)[name] for name in names] for each in last])
+        y = np.array(
+            [[self.system.state_space.state(each)[name] for name in names] for each in last]
+        )
         for each in self.known:
             if each.motion != UNSETTLED:
                 states = states_at_returns(self.system, each)
@@ -208,9 +210,9 @@ class _Tracking:
         """Return the state at a part of the way, half by default, in a mode that it has."""
         y, mode = (1.0 - part) * one.y + part * other.y, one.mode
         if len(self.problem.automaton.modes) > 1 and not (
-            one.mode == other.mode and self.system.fits(mode, y, self.problem)
+            one.mode == other.mode and self.system.state_space.fits(mode, y, self.problem)
         ):
-            mode = self.system.mode_of(y, one.time, self.problem, mode)
+            mode = self.system.state_space.mode_of(y, one.time, self.problem, mode)
         return replace(one, mode=mode, y=y)
 
     def bisect(
@@ -329,7 +331,7 @@ def edge_state(
         length = float(system.units.into("time", 1.0 if step is None else step)) / problem.period
     tracking = _Tracking(system, recurrence, options, problem, length)
     one, other = (
-        system.hybrid_state(each, problem, field=name)
+        system.state_space.instant(each, problem, field=name)
         for name, each in (("first", first), ("second", second))
     )
     tracking.known = [tracking.reached(each)[1] for each in (one, other)]
@@ -345,7 +347,7 @@ def edge_state(
     series = {"return": np.arange(len(rows)), "distance": np.array(distances)}
     return EdgeState(
         system=system,
-        state=system.state_of(last),
+        state=system.state_space.state(last),
         settled=settled > 0,
         orbit=_saddle(system, problem, last, settled),
         attractors=tuple(each.final for each in tracking.known),  # type: ignore[arg-type]
@@ -408,7 +410,7 @@ def _saddle(
     system: HybridSystem, problem: Problem, last: HybridState, period: int
 ) -> Orbit | Equilibrium | None:
     """Return the unstable orbit or equilibrium at a state, None if there is none."""
-    guess = system.state_of(last)
+    guess = system.state_space.state(last)
     solution: Orbit | Equilibrium | None = None
     try:
         if system.forced:
@@ -423,7 +425,7 @@ def _saddle(
         return None
     if not system.forced and isinstance(solution, Orbit):
         return solution  # it starts elsewhere on the cycle
-    at = system.hybrid_state(solution.state, problem)
+    at = system.state_space.instant(solution.state, problem)
     free = [i for i in range(at.y.size) if i not in problem.automaton.cyclic]
     away = float(np.abs(at.y - last.y)[free].max())
     return solution if away <= ORBIT_RTOL * max(1e-3, float(np.abs(last.y[free]).max())) else None

@@ -15,7 +15,7 @@ from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.equilibrium import EquilibriumState, find_equilibrium
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.base import HybridSystem, system_at
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
@@ -85,7 +85,9 @@ class Equilibrium(Result):
     def state(self) -> State:
         """Its state; ``initial`` of a run."""
         numeric = self.numeric
-        return self.system.state_of(HybridState(0, 0.0, numeric.mode, numeric.state, initial=True))
+        return self.system.state_space.state(
+            HybridState(0, 0.0, numeric.mode, numeric.state, initial=True)
+        )
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
@@ -134,7 +136,7 @@ class Equilibrium(Result):
 
 def equilibrium_of(system: HybridSystem, state: EquilibriumState) -> Equilibrium:
     """Return an equilibrium of `orbits` as an `Equilibrium` at its own parameters."""
-    return Equilibrium(system=system.at(state.family.values), numeric=state)
+    return Equilibrium(system=system_at(system, state.family.values), numeric=state)
 
 
 @takes_system(start="guess")
@@ -195,11 +197,11 @@ def find_equilibria(
         problem = "the system has forcing, hence periodic orbits (find_orbit) but no equilibria"
         raise InvalidParameter("period", system.forcing_period, "", problem=problem)
     inner = system.problem(ORBIT_OPTIONS)
-    start = system.hybrid_state(guess, inner, field="guess")
+    start = system.state_space.instant(guess, inner, field="guess")
     box = checked_box(system, box or {})
     guesses = [start.y, *_between(system, start.y, box, whole("samples", samples, 1))]
     chosen = range(len(system.modes)) if modes is None else modes
-    numbers = sorted({system.mode_number(mode, "modes") for mode in chosen})
+    numbers = sorted({system.state_space.mode_number(mode, "modes") for mode in chosen})
     family = system.family(ORBIT_OPTIONS)
     equilibria: list[Equilibrium] = []
     failed: OrbitError | None = None
@@ -215,7 +217,7 @@ def find_equilibria(
                 continue
             # A contact that holds leaves the position open: the state has to be admissible in its
             # mode.
-            if state.admissible and not system.fits(mode, state.state, inner):
+            if state.admissible and not system.state_space.fits(mode, state.state, inner):
                 continue
             # A state on a boundary belongs to the first of the modes that meet there.
             met = [each.numeric for each in equilibria if state.boundaries and each.boundaries]

@@ -333,7 +333,7 @@ def _start(
     unit = 1.0 if system.forced else float(system.units.out("time", problem.period))
     length = TRANSIENT * unit if transient is None else float(transient)
     if length == 0.0:
-        start = system.hybrid_state(initial, problem)
+        start = system.state_space.instant(initial, problem)
         check_start_side(system, problem, start)
         return start
     run_length: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
@@ -404,7 +404,7 @@ def _spectrum(
         period=period,
         converged=converged,
         moving=stretching.speed > REST_SPEED,
-        final=system.state_of(stretching.final),
+        final=system.state_space.state(stretching.final),
     )
     # A repeating motion has a zero exponent if it is one of a continuum: the distance of two bodies
     # that stick to each other.

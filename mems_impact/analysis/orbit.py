@@ -34,17 +34,16 @@ from mems_impact.orbits.period_detection import (
 from mems_impact.orbits.periodic_orbit import AdmissibilityViolation, PeriodicOrbit
 from mems_impact.orbits.shooting import ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.base import HybridSystem, system_at
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole, with_units
 from mems_impact.systems.statistics import (
     SAMPLES_PER_PERIOD,
-    evaluate_observables,
     largest_values,
 )
 from mems_impact.systems.typical_scales import warn_if_below_differences
-from mems_impact.systems.validation import check_start_side, mode_monitor
+from mems_impact.systems.validation import check_start_side
 from mems_impact.systems.window_statistics import Moments
 from mems_impact.tables import CHATTER_ENDS, DRIVE_SWITCHES
 
@@ -170,7 +169,7 @@ class Orbit(Result):
 
         The state before the switch if the forcing switches there.
         """
-        return self.system.state_of(self._start)
+        return self.system.state_space.state(self._start)
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
@@ -322,7 +321,7 @@ class Orbit(Result):
     @property
     def _start(self) -> HybridState:
         start = self.numeric.instant
-        return replace(start, y=self.system.snap_to_mode(start.mode, start.y))
+        return replace(start, y=self.system.state_space.snap(start.mode, start.y))
 
     @cached_property
     def _crossings(self) -> Events:
@@ -364,7 +363,7 @@ class Orbit(Result):
                 values[each.name] = moments.reduced(each.reduce, 1.0)
             else:
                 begin, end = (
-                    self.system.evaluate_observable(each, y, self._problem) for y in (first, last)
+                    self.system.statistics.value(each, y, self._problem) for y in (first, last)
                 )
                 values[each.name] = end - begin
         return {name: float(self.system.units.out(name, value)) for name, value in values.items()}
@@ -381,11 +380,11 @@ class Orbit(Result):
             y = self._grid(1).y[: self.periods]
         else:
             y = self._largest[None]
-        indices = [self.system.states.index(name) for name in self.system.displayed_states]
+        indices = [self.system.states.index(name) for name in self.system.state_space.displayed]
         falling = -np.sort(-y[:, indices], axis=0)
         return {
             name: np.asarray(self.system.units.out(name, values))
-            for name, values in zip(self.system.displayed_states, falling.T, strict=True)
+            for name, values in zip(self.system.state_space.displayed, falling.T, strict=True)
         }
 
     @property
@@ -406,7 +405,7 @@ class Orbit(Result):
     def _observed(self, log: Events) -> dict[str, Floats]:
         if not any(each.at for each in self.system.observables):
             return {}
-        return evaluate_observables(self.system, self._problem, log)
+        return self.system.statistics.at_events(log, self._problem)
 
     @cached_property
     def _log(self) -> Events:
@@ -457,7 +456,7 @@ class Orbit(Result):
             # At the start of a period the time of an event may be negative by rounding.
             start, end = max(piece.start, 0.0), piece.end
             if end > start:
-                y = self.system.snap_to_mode(piece.mode, piece.state)
+                y = self.system.state_space.snap(piece.mode, piece.state)
                 begin = HybridState(0, start, piece.mode, y, switched=True)
                 length = (end - start) / problem.period
                 arc = run(problem, begin, length, checkpoints=CheckpointGrid(per_period))
@@ -473,8 +472,8 @@ class Orbit(Result):
 
 def orbit_of(system: HybridSystem, solution: PeriodicOrbit) -> Orbit:
     """Return an orbit of `orbits` as an `Orbit` at its own parameters."""
-    orbit: Orbit = (system.orbit_type or Orbit)(
-        system=system.at(solution.family.values), numeric=solution
+    orbit: Orbit = (system._orbit_type or Orbit)(
+        system=system_at(system, solution.family.values), numeric=solution
     )
     return orbit
 
@@ -574,7 +573,7 @@ def find_orbit(
         raise InvalidParameter("period", period, "", problem=refusal)
     family = system.family(options)
     problem = family.problem()
-    start = system.hybrid_state(guess, problem, field="guess")
+    start = system.state_space.instant(guess, problem, field="guess")
     check_start_side(system, problem, start)
     try:
         if system.forced:
@@ -604,16 +603,14 @@ def find_orbit(
         if isinstance(error.partial, ShootingEvaluation):
             error.partial = _reached(error.partial, system)
         elif isinstance(error.partial, HybridState):
-            error.partial = system.state_of(error.partial)
+            error.partial = system.state_space.state(error.partial)
         raise
     # A state of rest repeats with any period; a motion that leaves it does not.
     if system.forced and solution.stable is False and not is_time_dependent(problem, start.y):
         raise _unforced(system)
     segments = zip(solution.segments, solution.point.ends, solution.point.arcs, strict=True)
     states = (HybridState(s.cycle, float(end), s.mode, arc.end) for s, end, arc in segments)
-    monitor = mode_monitor(system, problem, states)
-    if monitor is not None:
-        monitor.check()
+    system.checks.motion(problem, states)
     orbit = orbit_of(system, solution)
     if not orbit.admissible:
         raise OrbitError(
@@ -649,7 +646,7 @@ def _diverged(
     index = None if at is None else diverged_component(problem, at)
     if at is None or index is None:
         return None
-    name, state = system.states[index], system.state_of(at)
+    name, state = system.states[index], system.state_space.state(at)
     elapsed = at.cycle * problem.period + at.time
     location = f"{name} = {system.units.amount(name, at.y[index])}"
     when = f" at t = {system.units.amount('time', elapsed)}" if elapsed > 0.0 else " in the guess"
@@ -700,7 +697,7 @@ def _drifting(
         ),
     }[drift.kind]
     per = "a period" if system.forced else "in a unit of time"
-    reached = system.state_of(replace(start, cycle=0, time=0.0))
+    reached = system.state_space.state(replace(start, cycle=0, time=0.0))
     return OrbitError(f"{' and '.join(grows)} {per}, and {reason}", remedy, reached)
 
 
@@ -715,4 +712,4 @@ def _reached(point: ShootingEvaluation, system: HybridSystem) -> State | None:
     y[free] = point.unknowns[: len(free)]
     if not np.isfinite(y).all():
         return None
-    return system.state_of(HybridState(0, 0.0, 0, y)).replace(mode=None)
+    return system.state_space.state(HybridState(0, 0.0, 0, y)).replace(mode=None)

@@ -126,8 +126,8 @@ class FixedPoint(NamedTuple):
         y = self.instant.y + self.embedding @ (x - self.position)
         y[list(self.components)] = x
         system, problem, mode = self.map.system, self.map.problem, self.instant.mode
-        if len(problem.automaton.modes) > 1 and not system.fits(mode, y, problem):
-            mode = system.mode_of(y, self.instant.time, problem, mode)
+        if len(problem.automaton.modes) > 1 and not system.state_space.fits(mode, y, problem):
+            mode = system.state_space.mode_of(y, self.instant.time, problem, mode)
         return replace(self.instant, mode=mode, y=y)
 
     def violated_guard(self, start: HybridState) -> int | None:

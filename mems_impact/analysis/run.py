@@ -23,7 +23,7 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 from mems_impact.systems.settling import CHANGING
 from mems_impact.systems.state import State, is_number, with_units
-from mems_impact.systems.statistics import LazyStatistics, evaluate_observables
+from mems_impact.systems.statistics import LazyStatistics
 from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ class Run(Result):
     @property
     def final(self) -> State:
         """The state at the end; ``initial`` of a run that continues this run."""
-        return self.system.state_of(self.trajectory.final)
+        return self.system.state_space.state(self.trajectory.final)
 
     @cached_property
     def events(self) -> pd.DataFrame:
@@ -375,7 +375,7 @@ class Run(Result):
             return final.y
         anchor = self._accumulator.anchor(border)
         wait = (cycle - anchor.cycle) + (time - anchor.time) / period
-        if wait <= 0.0 or not self.system.moves(anchor):
+        if wait <= 0.0 or not self.system.statistics.moves(anchor):
             return anchor.y
         # Integrate the arc that contains this instant again, up to it.
         problem = self.system.problem(self.options)
@@ -386,7 +386,7 @@ class Run(Result):
             raise
 
     def _observed(self, log: Events) -> dict[str, Floats]:
-        return evaluate_observables(self.system, self.trajectory.problem, log)
+        return self.system.statistics.at_events(log, self.trajectory.problem)
 
     def _log(self, table: str) -> Events:
         if self.keep != "events":

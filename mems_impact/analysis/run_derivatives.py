@@ -19,7 +19,7 @@ from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.event_loop.workspace import SECTION_CROSSING
 from mems_impact.hybrid.variational.run_columns import Columns, Quantities, RunColumns
 from mems_impact.orbits.family import Family, ParameterPoint
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.base import HybridSystem, system_at
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.statistics import LazyStatistics
 from mems_impact.systems.window_statistics import TimeWindow
@@ -308,7 +308,7 @@ class RunDerivatives:
         if not name.startswith(INITIAL):
             value = family.value(name) + float(distance * self.scales[c])
             family = family.at(**{name: value})
-        system, problem = run.system.at(family.values), family.problem()
+        system, problem = system_at(run.system, family.values), family.problem()
         moved = np.flatnonzero(rows >= 0)
         instants = columns.instants[moved, c].copy()
         before, after = columns.before[moved, :, c], columns.after[moved, :, c]
@@ -347,7 +347,7 @@ class RunDerivatives:
                 trajectory, problem=problem, start=start, final=final, events=events
             ),
             _gatherer=LazyStatistics(
-                lambda: system.gatherer(problem, start, window), events, lengths
+                lambda: system.statistics.accumulator(problem, start, window), events, lengths
             ),
         )
 

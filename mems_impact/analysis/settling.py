@@ -305,7 +305,9 @@ class _Blocks:
         """Return the statistics of a block, and the state at its end."""
         problem, period = self.trajectory.problem, self.trajectory.period
         first = start.cycle + start.time / period
-        gatherer = self.system.gatherer(problem, start, TimeWindow(first, first + length, period))
+        gatherer = self.system.statistics.accumulator(
+            problem, start, TimeWindow(first, first + length, period)
+        )
         final = integrate(problem, start, length, consume=gatherer).final
         return gatherer.result(final, [start.y, final.y]), final
 

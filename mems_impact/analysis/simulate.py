@@ -26,8 +26,7 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.observables import EventRecorder
 from mems_impact.systems.state import State, is_number
 from mems_impact.systems.statistics import LazyStatistics
-from mems_impact.systems.typical_scales import SizeMonitor
-from mems_impact.systems.validation import check_start_side, mode_monitor
+from mems_impact.systems.validation import check_start_side
 from mems_impact.systems.window_statistics import TimeWindow
 
 __all__ = ["simulate"]
@@ -168,7 +167,7 @@ def simulate(
     if isinstance(until, str):
         if until != UNTIL_STILL:
             raise InvalidParameter("until", until, "a function (mode, t, y, p), or 'still'")
-        still = system.standstill_test()
+        still = system.statistics.standstill_test()
         longest = _length(system, periods, duration, None, problem.period)
         again = partial(
             simulate, system, initial=initial, start=start, options=options, progress=progress
@@ -177,7 +176,7 @@ def simulate(
     if until is not None:
         system = system.ending(until)
         problem = system.problem(options)
-    begin = system.hybrid_state(initial, problem, start=start)
+    begin = system.state_space.instant(initial, problem, start=start)
     check_start_side(system, problem, begin)
     unit = 1.0 if system.forced else float(system.units.out("time", problem.period))
     bounded = periods is not None or duration is not None
@@ -186,16 +185,14 @@ def simulate(
         raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
     half = until is None  # the end of the run is unknown, so all of it counts
     first, last = _window(window, begin.cycle + begin.time / problem.period, periods, unit, half)
-    gather = partial(system.gatherer, problem, begin, TimeWindow(first, last, problem.period))
-    gatherer, recorder = gather(), EventRecorder()
-    timed = system.forced or problem.time_scale is not None
-    chosen = (
-        None if system.units.is_scaled else SizeMonitor(options, begin, timed=timed),
-        mode_monitor(system, problem, [begin]),
-        system.validity(problem, begin),
-        recorder if keep == "events" else gatherer,
+    gather = partial(
+        system.statistics.accumulator, problem, begin, TimeWindow(first, last, problem.period)
     )
-    observers = [each for each in chosen if each is not None]
+    gatherer, recorder = gather(), EventRecorder()
+    observers = [
+        *system.checks.observers(problem, begin),
+        recorder if keep == "events" else gatherer,
+    ]
 
     def consume(events: Events) -> None:
         for observer in observers:
@@ -207,7 +204,7 @@ def simulate(
         if recorder.chunks:
             trajectory = trajectory.with_events(Events.joined(recorder.chunks))
         lengths = [len(events) for events in recorder.chunks]
-        return (system.run_type or Run)(
+        return (system._run_type or Run)(
             system=system,
             options=problem.options,
             keep=keep,
@@ -231,8 +228,7 @@ def simulate(
     try:
         for observer in observers:
             observer.check()
-        system.without_until.check_forcing(run.trajectory)
-        system.warn_of_expansion(run.trajectory)
+        system.checks.run(run.trajectory)
     except FunctionError as error:
         error.partial = run
         raise

@@ -112,7 +112,7 @@ def sliding_type(system: HybridSystem, special: OrbitEvent) -> SlidingType:
     location: dict[str, Any] = {
         "surfaces": tuple(system.automaton.guards[j].name for j in event.guards),
         "modes": (names[begin], names[end]),
-        "state": system.state_of(instant),
+        "state": system.state_space.state(instant),
         "time": float(system.units.out("time", event.time)),
     }
     tangency = event.tangency

@@ -88,7 +88,9 @@ MEASURES: dict[str, Callable[[Orbit], float]] = {
 def quantities(solution: Solution, parameter: str) -> dict[str, Callable[[], float]]:
     """Return the columns of the row of a solution that vary continuously, computed on demand."""
     system = solution.system
-    columns: dict[str, Callable[[], float]] = {parameter: partial(system.value, parameter)}
+    columns: dict[str, Callable[[], float]] = {
+        parameter: partial(system.parameters.__getitem__, parameter)
+    }
     if isinstance(solution, Equilibrium):
         columns["largest real part"] = partial(_largest_real_part, solution)
         return columns | {
@@ -99,7 +101,7 @@ def quantities(solution: Solution, parameter: str) -> dict[str, Callable[[], flo
         del columns["period"]
     for each in system.observables:
         columns[each.name] = partial(_observable, solution, each.name)
-    for name in system.displayed_states:
+    for name in system.state_space.displayed:
         columns[name] = partial(_largest, solution, name)
     return columns
 

@@ -134,7 +134,9 @@ class Symmetry:
             return equilibrium_of(solution.system, state) if near else None
         system = solution.system
         mode, y = self._start(solution.numeric, after=False)
-        guess = system.state_of(HybridState(0, 0.0, mode, system.snap_to_mode(mode, y)))
+        guess = system.state_space.state(
+            HybridState(0, 0.0, mode, system.state_space.snap(mode, y))
+        )
         try:
             if system.forced:
                 image = find_orbit(

@@ -338,7 +338,7 @@ def allowed_range(system: HybridSystem, name: str, low: float, high: float) -> t
 
     The system itself decides, since bounds may depend on other parameters.
     """
-    value = system.value(name)
+    value = system.parameters[name]
     return _last_allowed(system, name, value, low), _last_allowed(system, name, value, high)
 
 
@@ -535,7 +535,9 @@ def _choices(subject: Subject) -> dict[str, tuple[str, tuple[str, ...]]]:
 
 def _initial_plane(system: HybridSystem) -> tuple[str, str]:
     """Return the two states of the initial phase plane."""
-    displayed = system.displayed_states[0] if system.displayed_states else system.states[0]
+    displayed = (
+        system.state_space.displayed[0] if system.state_space.displayed else system.states[0]
+    )
     if system.section is not None and system.states[system.section[0]] != displayed:
         return system.states[system.section[0]], displayed
     cyclic = {system.states[i] for i in system.automaton.cyclic}

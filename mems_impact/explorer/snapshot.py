@@ -129,7 +129,7 @@ def sweep_arguments(
 ) -> dict[str, Any]:
     """Return the arguments of `mems_impact.sweep` after the system."""
     low, high = allowed_range(system, setting.parameter, spec.low, spec.high)
-    value = system.value(setting.parameter)
+    value = system.parameters[setting.parameter]
     low, high = min(low, value), max(high, value)
     spans: Mapping[str, Any] = {"transient": TRANSIENT, "periods": PERIODS}
     if not system.forced:
@@ -505,7 +505,7 @@ def run_length(system: HybridSystem, setting: PageSetting, unit: float) -> dict[
 def page_states(system: HybridSystem, setting: PageSetting) -> tuple[str, ...]:
     """Return all displayed states, states over time first."""
     over_time = ("x2", "x1") if isinstance(system, ActuatorSystem) else (setting.x, setting.y)
-    names = (*over_time, setting.x, setting.y, *system.displayed_states[:1])
+    names = (*over_time, setting.x, setting.y, *system.state_space.displayed[:1])
     return tuple(name for name in dict.fromkeys(names) if name != TIME)
 
 
@@ -542,7 +542,7 @@ def _voltages(system: HybridSystem, motion: MotionSnapshot) -> tuple[Floats, ...
 
 def _cycles(run: Run, unit: float) -> Cycles:
     system = run.system
-    state = system.displayed_states[0] if system.displayed_states else system.states[0]
+    state = (*system.state_space.displayed, system.states[0])[0]
     column = system.states.index(state)
     if not system.forced:
         y = run.trajectory.events.crossings(1).after

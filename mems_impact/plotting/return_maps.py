@@ -77,7 +77,7 @@ def plot_manifold(
     for field, name in (("x", x), ("y", y)):
         if name is not None and name not in system.states:
             raise InvalidParameter(field, name, f"one of {', '.join(system.states)}")
-    names = [name for name in system.section_states if name not in (x, y)]
+    names = [name for name in system.state_space.on_section if name not in (x, y)]
     across = x or names.pop(0)
     up = y or (names[0] if names else next(name for name in system.states if name != across))
     new_axes = ax is None
@@ -164,7 +164,7 @@ def plot_return_map(
     table = run.section(1)
     numeric = [name for name in table.columns if table[name].dtype.kind == "f"]
     if quantity is None:
-        quantity = run.system.section_states[0]
+        quantity = run.system.state_space.on_section[0]
     if quantity not in numeric:
         raise InvalidParameter("quantity", quantity, f"one of {', '.join(numeric)}")
     values = table[quantity].to_numpy()[skip:]

@@ -100,7 +100,7 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
 
 def _begin(start: Any, aims: Mapping[str, str]) -> dict[str, float]:
     """Return the aims of the initial orbit of the searches, if they have names."""
-    quantities = {each.name: each for each in start.system.orbit_quantities}
+    quantities = {each.name: each for each in start.system.statistics.orbit_quantities}
     return {name: quantities[name](start) for name in aims} if set(aims) <= set(quantities) else {}
 
 
@@ -340,9 +340,9 @@ def plot_sensitivity(
     >>> mi.plot_sensitivity(mi.sensitivity(orbit), "mean speed").figure.savefig("tornado.png")
     """
     gradient = sensitivity.gradient(quantity)
-    system, symbols = sensitivity.system, sensitivity.system.symbols
+    system, symbols = sensitivity.system, sensitivity.system.units.symbols
     if tolerances is None:
-        sizes = {name: 0.01 * abs(system.value(name)) for name in sensitivity.parameters}
+        sizes = {name: 0.01 * abs(system.parameters[name]) for name in sensitivity.parameters}
     else:
         sizes = deviations(tolerances, system, sensitivity.parameters)
         for name, size in sizes.items():

@@ -231,7 +231,7 @@ class AttractorContinuationStudy(Study):
     @property
     def upwards(self) -> tuple[float, ...]:
         """The system's own value and the values above it."""
-        current = self.measuring.system.value(self.over.name)
+        current = self.measuring.system.parameters[self.over.name]
         return tuple(value for value in self.over.values if value >= current)
 
     @property
@@ -322,7 +322,7 @@ class AttractorContinuationStudy(Study):
 
     def _start(self, number: int) -> tuple[State, float]:
         state = self.states[number // len(self.over.values)]
-        return state, self.measuring.system.value(self.over.name)
+        return state, self.measuring.system.parameters[self.over.name]
 
     def _at(self, value: float, state: State, before: float) -> Attractor:
         """Return the attractor at a value, started from a final state at another value."""

@@ -116,7 +116,7 @@ def attractor_schema(
     recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
 ) -> dict[str, str]:
     """Return the columns that describe an attractor, each with its type."""
-    names = dict.fromkeys(system.measure_names, "float")
+    names = dict.fromkeys(system.statistics.names, "float")
     exponents = {EXPONENT: "float", ERROR: "float"} if recurrence.exponents != "none" else {}
     first, last = {MOTION: "str", PERIOD: "int"}, {RETURNS: "int", STATUS: "str"}
     return merged_columns(first, names, exponents, last)
@@ -205,7 +205,7 @@ class AttractorEvaluator:
             MOTION: _text_column([each.motion for each in attractors]),
             PERIOD: np.array([each.period for each in attractors], dtype=np.int64),
         }
-        for name in self.system.measure_names:
+        for name in self.system.statistics.names:
             columns[name] = np.array([each.measures.get(name, math.nan) for each in attractors])
         if self.recurrence.exponents != "none":
             columns[EXPONENT] = np.array([each.exponent for each in attractors])

@@ -403,12 +403,12 @@ def basins(
     True
     """
     starts = _starts(system, x, y, box, (samples, sampling, seed))
-    start = system.initial if initial is None else system.state_from(initial)
+    start = system.initial if initial is None else system.state_space.parse(initial)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     if not (is_number(distance) and 0.0 < distance < 1.0):
         raise InvalidParameter("distance", distance, "a number above 0 and below 1")
-    system.hybrid_state(start, system.problem(options))
+    system.state_space.instant(start, system.problem(options))
     measuring = AttractorEvaluator(system=system, recurrence=recurrence, options=options)
     study = BasinsStudy(
         starts=starts,

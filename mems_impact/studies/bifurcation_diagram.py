@@ -420,7 +420,7 @@ class AttractorSearch:
         """Return whether no impact is behind a state."""
         try:
             problem = system.problem(self.options)
-            start = system.hybrid_state(state, problem)
+            start = system.state_space.instant(state, problem)
             numbers = np.array(problem.parameters, dtype=float)
             margins, _ = problem.automaton.margins_at(start.mode, start.time, start.y, numbers)
         except MemsImpactError:
@@ -686,7 +686,7 @@ class DiagramBuilder:
 
     def _branch_through(self, start: Any) -> Any:
         """Return the branch through an orbit or equilibrium."""
-        current, (low, high) = start.system.value(self.parameter), self.bounds
+        current, (low, high) = start.system.parameters[self.parameter], self.bounds
         halves: list[Any] = []
         for stop, back in ((high, low), (low, high)):
             if stop == current:
@@ -1013,7 +1013,7 @@ def bifurcation_diagram(
     amplitude 0.16 to 0.24
     0: period 1, amplitude 0.16 to 0.24, G 0.227178, CF 0.176515
     """
-    system.check_continued(parameter)
+    system.checks.continuation(parameter)
     bounds = checked_range(system, parameter, bounds)
     depth, starts = whole("depth", depth, 0), whole("starts", starts, 0)
     values, longest = whole("values", values, 2), whole("longest", longest, 1)
@@ -1021,12 +1021,12 @@ def bifurcation_diagram(
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     box = checked_box(system, box or {})
     runs = replace(STUDY_OPTIONS, engine=options.engine, method=options.method)
-    first = [system.start_of("up"), system.start_of("down")]
+    first = [system.state_space.initial("up"), system.state_space.initial("down")]
     if initial is not None:
-        first.append(system.state_from(initial))
+        first.append(system.state_space.parse(initial))
     first = [each for i, each in enumerate(first) if each not in first[:i]]
     for state in first:
-        system.hybrid_state(state, system.problem(runs))
+        system.state_space.instant(state, system.problem(runs))
     search = AttractorSearch(
         system,
         parameter,

@@ -265,10 +265,10 @@ def operating_map(
     names = tuple(system.parameters)
     across, up = axis("x", x, names, system), axis("y", y, names, system)
     check_different(across, up, system)
-    start = None if initial is None else system.state_from(initial)
+    start = None if initial is None else system.state_space.parse(initial)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    system.hybrid_state(start, system.problem(options))
+    system.state_space.instant(start, system.problem(options))
     study = MapStudy(
         x=across,
         y=up,

@@ -102,7 +102,7 @@ def limits_of(
     defaults: dict[str, tuple[float | None, float | None]] = {
         MULTIPLIER.name: (None, MAX_MULTIPLIER)
     }
-    if any(each.name == CLOSEST_APPROACH for each in system.orbit_quantities):
+    if any(each.name == CLOSEST_APPROACH for each in system.statistics.orbit_quantities):
         defaults[CLOSEST_APPROACH] = (0.0, None)
     limits = []
     for name, pair in {**defaults, **subject_to}.items():
@@ -371,7 +371,7 @@ class Objective:
         """Return the position of an orbit in the unit box."""
         return np.array(
             [
-                (orbit.system.value(name) - low) / (high - low)
+                (orbit.system.parameters[name] - low) / (high - low)
                 for name, (low, high) in self.over.items()
             ]
         )
@@ -507,14 +507,14 @@ def _checked_bounds(system: HybridSystem, over: Bounds) -> dict[str, tuple[float
         raise InvalidParameter("over", over, "one or more parameters with their bounds")
     bounds = {}
     for name, pair in over.items():
-        system.check_continued(name)
+        system.checks.continuation(name)
         try:
             low, high = system.units.parse(name, pair, f"over {name}")
         except InvalidParameter:
             raise
         except (TypeError, ValueError):
             low, high = math.nan, math.nan
-        value = system.value(name)
+        value = system.parameters[name]
         if not (is_number(low) and is_number(high) and low < high and low <= value <= high):
             amount = f"{value:g} {system.units.get(name, '')}".rstrip()
             allowed = f"(lowest, highest), with {amount} between them, where the orbit is"

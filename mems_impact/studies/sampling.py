@@ -218,7 +218,7 @@ def distribution_about(name: str, text: Any, system: HybridSystem) -> Any:
         spread = system.units.parse(name, width, field) if has_unit(width) else math.nan
     if kind not in DISTRIBUTIONS or not spread > 0.0:
         raise InvalidParameter(field, text, f"a distribution, or {SPREAD}")
-    value = system.value(name)
+    value = system.parameters[name]
     if kind == "uniform":
         return stats.uniform(value - spread, 2.0 * spread)
     return stats.norm(value, spread)
@@ -257,7 +257,7 @@ def distribution_named(field: str, entries: Sequence[Any], convert: Callable[[An
 
 
 def _size(field: str, name: str, system: HybridSystem) -> float:
-    size = abs(system.value(name))
+    size = abs(system.parameters[name])
     if size == 0.0:
         problem = f"{name} is 0, so a relative tolerance is undefined; give it in its unit"
         raise InvalidParameter(f"{field} {name}", None, "", problem=problem)

@@ -253,7 +253,7 @@ def chosen_quantities(
     InvalidParameter
         If a name is unknown or repeated.
     """
-    available = {each.name: each for each in system.orbit_quantities}
+    available = {each.name: each for each in system.statistics.orbit_quantities}
     if selection is None:
         return tuple(each for each in available.values() if not each.costly)
     chosen = []
@@ -425,8 +425,8 @@ def bifurcation_margins(orbit: Orbit, over: Sequence[str], reach: float = 0.5) -
         raise InvalidParameter("reach", reach, "in (0, 1]")
     system, rows = orbit.system, []
     for name in over:
-        system.check_continued(name)
-        value = system.value(name)
+        system.checks.continuation(name)
+        value = system.parameters[name]
         if value == 0.0:
             raise InvalidParameter(name, value, "nonzero, since reach is relative to it")
         for direction, sign in (("down", -1.0), ("up", 1.0)):
@@ -442,7 +442,7 @@ def bifurcation_margins(orbit: Orbit, over: Sequence[str], reach: float = 0.5) -
 
 def _allowed(orbit: Orbit, name: str, stop: float) -> float:
     """Return `stop`, or the nearest allowed value of the parameter."""
-    value = orbit.system.value(name)
+    value = orbit.system.parameters[name]
     for part in (1.0, 0.9, 0.75, 0.5, 0.25, 0.1, 0.01):
         try:
             orbit.system.changed(**{name: value + part * (stop - value)})
@@ -527,7 +527,7 @@ class Sensitivity(Result):
         import pandas as pd
 
         q, p = len(self.quantities), len(self.parameters)
-        at = np.array([self.system.value(name) for name in self.parameters])
+        at = np.array([self.system.parameters[name] for name in self.parameters])
         with np.errstate(divide="ignore", invalid="ignore"):
             elasticity = self.derivatives * at / self.values[:, None] + 0.0
         columns = {
@@ -676,7 +676,7 @@ def sensitivity(
     system = orbit.system
     names = _all_parameters(system) if over is None else tuple(over)
     for name in names:
-        system.check_continued(name)
+        system.checks.continuation(name)
     if not names or len(set(names)) != len(names):
         raise InvalidParameter("over", names, "one or more different parameters")
     chosen = chosen_quantities(system, quantities)
@@ -700,7 +700,7 @@ def _all_parameters(system: HybridSystem) -> tuple[str, ...]:
     names = []
     for name in system.parameters:
         try:
-            system.check_continued(name)
+            system.checks.continuation(name)
         except InvalidParameter:
             continue  # the bias of a voltage without one
         names.append(name)

@@ -135,7 +135,7 @@ class SweepStudy(Study):
     def attrs(self) -> Mapping[str, Any]:
         """Units and captions of the table."""
         empty = sweep_tables.sweep(
-            self.parameter, [], *self._table_columns, quantities=self.system.quantities
+            self.parameter, [], *self._table_columns, quantities=self.system.statistics.plotted
         )
         return empty.attrs
 
@@ -197,7 +197,7 @@ class SweepStudy(Study):
 
     @property
     def _table_columns(self) -> tuple[tuple[str, ...], tuple[str, ...], HybridSystem]:
-        statistics = self.system.sweep_statistics
+        statistics = self.system.statistics.sweep_columns
         columns = [(name, sweep_tables.error_column(name)) for name in statistics]
         return self._states, tuple(chain.from_iterable(columns)), self.system
 
@@ -205,7 +205,9 @@ class SweepStudy(Study):
     def _states(self) -> tuple[str, ...]:
         """The recorded states of every crossing, the states in displays of orbits first."""
         return tuple(
-            dict.fromkeys([*self.system.displayed_states, *reversed(self.system.section_states)])
+            dict.fromkeys(
+                [*self.system.state_space.displayed, *reversed(self.system.state_space.on_section)]
+            )
         )
 
     def _direction(self, number: int) -> str:
@@ -242,7 +244,7 @@ class SweepStudy(Study):
                 run = steady_state(run, progress=watch or False)
             run.warn_of_transient()
             statistics = {}
-            for name in system.sweep_statistics:
+            for name in system.statistics.sweep_columns:
                 statistics[name] = system.units.out(name, run._scaled_statistics[name])
                 statistics[sweep_tables.error_column(name)] = run.settling.remaining(name)
             numbers, y = self._forced(system, run) if system.forced else self._unforced(system, run)
@@ -501,7 +503,7 @@ def sweep(
         with contextlib.suppress(FunctionError):  # it becomes a failed row
             study.case(number)  # check all values before the first is computed
     for start in study.starts.values():
-        system.hybrid_state(start, system.problem(options))
+        system.state_space.instant(start, system.problem(options))
     table = run_study(
         study,
         store=store,
@@ -547,7 +549,7 @@ def _initial(initial: State | Mapping[str, State] | None, name: str, system: Hyb
             raise InvalidParameter("initial", sorted(unknown), "given for 'up' and 'down' alone")
         initial = initial.get(name)
     if initial is None:
-        return system.start_of(name)
+        return system.state_space.initial(name)
     if not isinstance(initial, State):
         raise InvalidParameter("initial", initial, "a State, or a mapping of 'up', 'down' to State")
     return initial

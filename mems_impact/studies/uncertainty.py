@@ -439,10 +439,10 @@ def tolerance_analysis(
     if indices and count & (count - 1):
         nearest = 2 ** round(math.log2(count))
         raise InvalidParameter("samples", samples, f"a power of two for indices, such as {nearest}")
-    start = None if initial is None else system.state_from(initial)
+    start = None if initial is None else system.state_space.parse(initial)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    system.hybrid_state(start, system.problem(options))
+    system.state_space.instant(start, system.problem(options))
     if parameters is not None and not callable(parameters):
         allowed = "a function of the sampled quantities by name that returns parameters by name"
         raise InvalidParameter("parameters", parameters, allowed)

@@ -90,7 +90,7 @@ def takes_system(
                 allowed = "a System, or an Actuator (see load_actuator) and a Drive"
                 raise InvalidParameter(typed, model, allowed)
             if recurrent:
-                system.check_recurrence()
+                system.checks.recurrence()
             try:
                 with warned_once():
                     return verb(system, *rest, **keywords)

@@ -172,7 +172,7 @@ def check_recurrence(system: HybridSystem, definition: Definition, period: float
 
 
 def _checked(system: HybridSystem, definition: Definition) -> CheckedFunctions:
-    return CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
+    return CheckedFunctions(definition, [system.parameters[name] for name in definition.parameters])
 
 
 def _compare(

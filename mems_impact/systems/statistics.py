@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property, partial
 from typing import Any
 
@@ -11,16 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats, distance_to_nearest
-from mems_impact.hybrid.attractors.mapper import RecurrenceColumns
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns, observed
 from mems_impact.hybrid.automaton import Guard
-from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
+from mems_impact.hybrid.definition import PLACEHOLDER_GUARD, writes_into_arrays
+from mems_impact.hybrid.diagnostics.user_functions import UserFunction
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import INSTANT_RTOL, Events, Samples, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.period_detection import flow_at
+from mems_impact.systems import observables as quantity
 from mems_impact.systems.base import Conversion, HybridSystem
-from mems_impact.systems.observables import Observable
+from mems_impact.systems.observables import Observable, Quantity
 from mems_impact.systems.window_statistics import (
     Moments,
     MotionTotals,
@@ -28,6 +31,7 @@ from mems_impact.systems.window_statistics import (
     TimeWindow,
     ratio,
 )
+from mems_impact.tables import unit_of
 
 __all__ = [
     "CHAOTIC",
@@ -39,13 +43,11 @@ __all__ = [
     "SAMPLES_PER_PERIOD",
     "UNSETTLED",
     "RunStatistics",
+    "SystemStatistics",
     "closest_gap",
     "counted_periods",
-    "evaluate_observables",
     "largest_values",
     "maxima",
-    "measure_names",
-    "measures",
 ]
 
 # --- Maxima of states, along an arc or a run.
@@ -223,7 +225,7 @@ class RunStatistics(StatisticsAccumulator):
     def __call__(self, events: Events) -> None:
         """Take the next chunk of events."""
         inside = events[self._take(events)]
-        for name, values in evaluate_observables(self._system, self._problem, inside).items():
+        for name, values in self._system.statistics.at_events(inside, self._problem).items():
             self._moments[name].add(values[~np.isnan(values)])
 
     def result(self, final: HybridState, borders: Sequence[Floats]) -> dict[str, float]:
@@ -232,7 +234,7 @@ class RunStatistics(StatisticsAccumulator):
         gains: dict[str, float] = {}
         for each in system.observables:
             if not each.at:
-                begin, end = (system.evaluate_observable(each, y, self._problem) for y in borders)
+                begin, end = (system.statistics.value(each, y, self._problem) for y in borders)
                 gains[each.name] = end - begin
         # Rates of an autonomous system are per unit of time.
         period = 1.0 if system.forced else float(system.units.out("time", self._window.period))
@@ -247,23 +249,6 @@ class RunStatistics(StatisticsAccumulator):
             **mode_shares(system, totals),
             **observable_rates(system.observables, totals),
         }
-
-
-def evaluate_observables(
-    system: HybridSystem, problem: Problem, events: Events
-) -> dict[str, Floats]:
-    """Return the observables of a system at events; NaN where one does not apply."""
-    names = [guard.name for guard in system.automaton.guards]
-    totals: dict[str, Floats] = {}
-    for each in system.observables:
-        if each.at:
-            values = np.full(len(events), math.nan)
-            chosen = np.isin(events.guard, [names.index(name) for name in each.at])
-            chosen &= np.isin(events.kind, (workspace.TRANSITION, workspace.ACCUMULATION))
-            for i in np.flatnonzero(chosen):
-                values[i] = system.evaluate_event_observable(each, events, int(i), problem)
-            totals[each.name] = values
-    return totals
 
 
 def event_rates(system: HybridSystem, totals: MotionTotals) -> dict[str, Any]:
@@ -299,44 +284,175 @@ def observable_rates(observables: Sequence[Observable], totals: MotionTotals) ->
 RETURN = "return time"  # of an autonomous system
 
 
-def measure_names(system: HybridSystem) -> tuple[str, ...]:
-    """Return the headings of `measures`."""
-    each = "period" if system.forced else "time"
-    names = [f"impacts per {each}"]
-    guards = [guard.name for guard in system.automaton.guards if guard.name != PLACEHOLDER_GUARD]
-    names += [f"{guard} per {each}" for guard in guards] + [f"chatter per {each}"]
-    if len(system.modes) > 1:
-        names += [f"share {mode}" for mode in system.modes]
-    for observable in system.study_observables:
-        names.append(observable.name)
-        if not observable.at:
-            names.append(f"{observable.name} std")
-    if any(guard.impact for guard in system.automaton.guards):
-        names.append("closest approach")
-    return tuple(names) if system.forced else (*names, RETURN)
+class SystemStatistics:
+    """The statistics of a system: of runs, of orbits, and of attractors in studies.
+
+    Parameters
+    ----------
+    system : System
+    state : callable
+        ``state(y)`` returns a scaled state as the functions of observables receive it.
+    parameters : callable
+        ``parameters(problem)`` returns the parameters of a problem as they receive them.
+    """
+
+    def __init__(
+        self,
+        system: HybridSystem,
+        state: Callable[[Floats], Any],
+        parameters: Callable[[Problem], Any],
+    ) -> None:
+        self._system, self._state, self._parameters = system, state, parameters
+
+    @property
+    def observables(self) -> tuple[Observable, ...]:
+        """The observables that studies record."""
+        return self._system.observables
+
+    def value(self, observable: Observable, y: Floats, problem: Problem) -> float:
+        """Return an observable at a scaled state."""
+        return _value(observable, self._state(y), self._parameters(problem))
+
+    def at_events(self, events: Events, problem: Problem) -> dict[str, Floats]:
+        """Return the observables at events in scaled units; NaN where one does not apply."""
+        names = [guard.name for guard in self._system.automaton.guards]
+        time = self._system.units.out("time", events.cycle * problem.period + events.time)
+        totals: dict[str, Floats] = {}
+        for each in self._system.observables:
+            if each.at:
+                values = np.full(len(events), math.nan)
+                chosen = np.isin(events.guard, [names.index(name) for name in each.at])
+                chosen &= np.isin(events.kind, (workspace.TRANSITION, workspace.ACCUMULATION))
+                for i in np.flatnonzero(chosen).tolist():
+                    mode, p = int(events.mode_before[i]), self._parameters(problem)
+                    before, after = self._state(events.before[i]), self._state(events.after[i])
+                    values[i] = _value(each, mode, float(time[i]), before, after, p)
+                totals[each.name] = values
+        return totals
+
+    @property
+    def recorded(self) -> CompiledObservables:
+        """The observables that studies record, as one function of scaled states."""
+        system, definition = self._system, self._system.definition
+        return observed(
+            tuple((each.name, each.function, self.codes(each)) for each in self.observables),
+            system.states,
+            None if definition is None else definition.parameters,
+            definition is not None and writes_into_arrays(definition.flow),
+            system.units.typical,
+        )
+
+    def codes(self, observable: Observable) -> tuple[int, ...]:
+        """Return the codes of the transitions at which studies evaluate an observable."""
+        guards = [guard.name for guard in self._system.automaton.guards]
+        numbers = tuple(guards.index(name) for name in observable.at)
+        return (*numbers, *(len(guards) + number for number in numbers))
+
+    def accumulator(
+        self, problem: Problem, start: HybridState, window: TimeWindow
+    ) -> StatisticsAccumulator:
+        """Return the accumulator of the statistics of a run."""
+        return RunStatistics(self._system, problem, start, window)
+
+    def standstill_test(self) -> Callable[[Trajectory], float | None]:
+        """Return a test for standstill: the number of periods after which a run rests, or None."""
+        problem = "for actuators only; give a function (mode, t, y, p) that falls through zero"
+        raise InvalidParameter("until", "still", "", problem=problem)
+
+    def moves(self, instant: HybridState) -> bool:
+        """Return whether statistics need the state within an arc."""
+        return any(not each.at for each in self._system.observables)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The headings of the statistics of attractors."""
+        each, automaton = "period" if self._system.forced else "time", self._system.automaton
+        guards = [guard.name for guard in automaton.guards if guard.name != PLACEHOLDER_GUARD]
+        names = [f"impacts per {each}", *(f"{guard} per {each}" for guard in guards)]
+        names.append(f"chatter per {each}")
+        if len(automaton.modes) > 1:
+            names += [f"share {mode}" for mode in automaton.modes]
+        for observable in self.observables:
+            names.append(observable.name)
+            if not observable.at:
+                names.append(f"{observable.name} std")
+        if any(guard.impact for guard in automaton.guards):
+            names.append("closest approach")
+        return tuple(names) if self._system.forced else (*names, RETURN)
+
+    def of_attractors(
+        self, settled: RecurrenceColumns, periods: Floats, out: Conversion
+    ) -> dict[str, Floats]:
+        """Return the statistics of attractors that studies write, by heading.
+
+        Parameters
+        ----------
+        settled : RecurrenceColumns
+        periods : float array, shape (points,)
+            Lengths of the statistics: in forcing periods, or in the unit of time of tables.
+        out : Conversion
+            The conversion of columns to the units of tables.
+        """
+        system, totals = self._system, MotionTotals.of(settled, periods)
+        each = "period" if system.forced else "time"
+        values = {
+            **event_rates(system, totals),
+            f"chatter per {each}": totals.per_period(totals.chatter),
+            **mode_shares(system, totals),
+            **observable_rates(self.observables, totals),
+        }
+        values |= {f"{name} std": deviation for name, deviation in settled.deviations.items()}
+        guards = system.automaton.guards
+        if any(guard.impact for guard in guards):
+            units = np.array([system.units.margin_factor(guard.name) for guard in guards])
+            values["closest approach"] = closest_gap(settled.closest * units, guards)
+        result = {name: out(name, value) for name, value in values.items()}
+        if not system.forced:
+            result[RETURN] = out("time", ratio(settled.duration, settled.measured))
+        return result
+
+    @property
+    def sweep_columns(self) -> tuple[str, ...]:
+        """The statistics in the table of a sweep."""
+        counted = "period" if self._system.forced else "time"
+        return (f"impacts per {counted}", *(each.name for each in self._system.observables))
+
+    @property
+    def plotted(self) -> Mapping[str, tuple[str, str]]:
+        """The statistics that a figure of a sweep can show: column and label, by a short name."""
+        return {each.name: (each.name, each.name) for each in self._system.observables}
+
+    @property
+    def orbit_quantities(self) -> tuple[Quantity, ...]:
+        """The quantities of an orbit that `sensitivity` and `optimize` differentiate.
+
+        The gain per period of each cyclic state, the observables (over the orbit, as in the tables
+        of branches), the period of a limit cycle, the largest impact speed, the closest approach,
+        and the largest modulus of a multiplier.
+        """
+        system = self._system
+        each, automaton = "period" if system.forced else "cycle", system.automaton
+        found: list[tuple[str, Callable[[Any], float], str]] = []
+        for state in (automaton.states[i] for i in automaton.cyclic):
+            found.append((f"{state} per {each}", partial(quantity.gain, state=state), state))
+        for name in (other.name for other in system.observables):
+            found.append((name, partial(quantity.observable, name=name), name))
+        if not system.forced:
+            found.append(("period", quantity.period, "time"))
+        if any(guard.impact for guard in automaton.guards):
+            found.append(("impact speed", quantity.impact_speed, "impact speed"))
+            found.append(("closest approach", quantity.closest_approach, "closest approach"))
+        quantities = (Quantity(a, f, unit_of(of, system.units)) for a, f, of in found)
+        return (*quantities, quantity.MULTIPLIER)
 
 
-def measures(
-    system: HybridSystem, settled: RecurrenceColumns, periods: Floats, out: Conversion
-) -> dict[str, Floats]:
-    """Return the statistics of attractors by heading; see `HybridSystem.measures`."""
-    totals = MotionTotals.of(settled, periods)
-    each = "period" if system.forced else "time"
-    values = {
-        **event_rates(system, totals),
-        f"chatter per {each}": totals.per_period(totals.chatter),
-        **mode_shares(system, totals),
-        **observable_rates(system.study_observables, totals),
-    }
-    values |= {f"{name} std": deviation for name, deviation in settled.deviations.items()}
-    guards = system.automaton.guards
-    if any(guard.impact for guard in guards):
-        units = np.array([system.units.margin_factor(guard.name) for guard in guards])
-        values["closest approach"] = closest_gap(settled.closest * units, guards)
-    result = {name: out(name, value) for name, value in values.items()}
-    if not system.forced:
-        result[RETURN] = out("time", ratio(settled.duration, settled.measured))
-    return result
+def _value(observable: Observable, *arguments: Any) -> float:
+    """Return an observable; FunctionError, with the user's line, if its function fails."""
+    try:
+        return float(observable.function(*arguments))
+    except Exception as error:
+        function = UserFunction(f"observable {observable.name}", observable.function)
+        raise function.explain_exception(error)[0] from error
 
 
 def closest_gap(closest: Floats, guards: Sequence[Guard]) -> Floats:

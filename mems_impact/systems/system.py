@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -13,10 +13,8 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS, Scales
-from mems_impact._util.warning_scopes import warn
-from mems_impact.errors import FunctionError, InvalidParameter, StartWarning
+from mems_impact.errors import InvalidParameter
 from mems_impact.export.model import ExportedModel
-from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import (
     RATE_STEP,
@@ -29,34 +27,27 @@ from mems_impact.hybrid.definition import (
     scaled,
     writes_into_arrays,
 )
-from mems_impact.hybrid.diagnostics.user_functions import UserFunction, innermost_user_line
 from mems_impact.hybrid.pickling import reference
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
-from mems_impact.hybrid.simulation import Events, Trajectory
-from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.dual_numbers import Dual, copy_for_tangents
 from mems_impact.integrators.options import Options
-from mems_impact.systems import arguments, periodicity
-from mems_impact.systems import validation as checks
-from mems_impact.systems.base import Conversion, HybridSystem, slope_of
+from mems_impact.systems import arguments
+from mems_impact.systems.base import HybridSystem, slope_of
+from mems_impact.systems.checks import FunctionChecks, Passed
 from mems_impact.systems.components import assembly
 from mems_impact.systems.components.assembly import assemble
 from mems_impact.systems.components.base import Part, Quantity
-from mems_impact.systems.components.friction import Friction, NegativeFriction
 from mems_impact.systems.components.sliding import SlidingMotions
-from mems_impact.systems.observables import EventObserver, Observable
+from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import Mode, State
-from mems_impact.systems.statistics import RunStatistics, measure_names, measures
+from mems_impact.systems.state_space import FunctionStateSpace
+from mems_impact.systems.statistics import SystemStatistics
 from mems_impact.systems.typical_scales import typical_of
 from mems_impact.systems.units import Units
-from mems_impact.systems.validation import check_parted
-from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
+from mems_impact.systems.validation import check_end, check_parted, check_run
 
 __all__ = ["System"]
 
-START_TOLERANCE = 1e-9  # rounding error of a scaled state and of margins at the start of a run
-REST_STEP = 1e-4  # time for which the flow must keep a state at rest, in periods
-REST_RTOL = 1e-6  # of margin and state at rest
 Number = float | Callable[..., float]
 
 
@@ -166,6 +157,7 @@ class System(HybridSystem):
     _sliding: SlidingMotions | None = None
     _parts: tuple[Part, ...] = ()
     _masses: Mapping[str, Quantity] = MappingProxyType({})
+    _typical: Typical | None = None
     definition: Definition
 
     def __init__(
@@ -240,7 +232,7 @@ class System(HybridSystem):
         self.observables = arguments.observables(observables, names, guards)
         quantities = [each.name for each in self.observables]
         self._units = arguments.units(units, (*names, *self._parameters, *quantities))
-        self.typical = None
+        self._typical = None
         self._initial = arguments.initial(initial)
         arguments.check_names(
             name=[self.name],
@@ -252,11 +244,16 @@ class System(HybridSystem):
         sizes = arguments.sizes(typical)
         # In the user's units, in which functions and messages count.
         problem, given = self.problem(Options()), initial is not None
-        checks.check_run(
-            self, self.definition, problem, time=sizes.get("time"), initial_given=given
+        check_run(
+            self,
+            self.definition,
+            problem,
+            self.checks.modes,
+            time=sizes.get("time"),
+            initial_given=given,
         )
         if sizes:
-            self.typical = typical_of(
+            self._typical = typical_of(
                 sizes,
                 definition=self.definition,
                 values=self._parameters,
@@ -275,12 +272,34 @@ class System(HybridSystem):
     def units(self) -> Units:
         """Units of states, parameters, observables and times, and the scales of the variables."""
         names = {**self._units, **{each.name: each.unit for each in self.observables if each.unit}}
-        scales, typical = Scales() if names else DIMENSIONLESS, self.typical
+        scales, typical = Scales() if names else DIMENSIONLESS, self._typical
         if typical is None:
             return Units(names, scales, is_scaled=False)
         sizes = dict(zip(self.states, typical.states, strict=True), time=typical.time)
         sizes |= zip(self._parameters, typical.parameters, strict=True)
-        return Units(names, scales, sizes=sizes, margins=dict(typical.margins))
+        return Units(names, scales, typical=typical, sizes=sizes)
+
+    @property
+    def statistics(self) -> SystemStatistics:
+        """Statistics of runs, orbits and attractors, by the names of tables."""
+        return SystemStatistics(self, self._state, self._to_user)
+
+    @property
+    def state_space(self) -> FunctionStateSpace:
+        """Its states: names, modes, conversion from and to scaled states."""
+        return FunctionStateSpace(self, self._begin, self._state, self._to_user)
+
+    @property
+    def checks(self) -> FunctionChecks:
+        """Checks of its functions, before and along motions."""
+        system = self.without_until  # an `until` function is only a margin
+        times = self._period, self._switches, self._time_scale
+        functions = self._parts, self._sliding, self._state, self._to_user
+        return FunctionChecks(system, system._passed, times, *functions)
+
+    @cached_property
+    def _passed(self) -> Passed:
+        return Passed()
 
     @property
     def initial(self) -> State:
@@ -298,7 +317,7 @@ class System(HybridSystem):
     ) -> Self:
         """Return the system at the values and scales of a file."""
         other = self.shifted(values)
-        other.typical = typical
+        other._typical = typical
         return other
 
     @property
@@ -330,147 +349,15 @@ class System(HybridSystem):
         vars(other)["_unended"] = self
         arguments.function("until", until, *arguments.ARGUMENTS)
         other.definition = ending(self.definition, until)
-        checks.check_end(self, other.definition, self.problem(Options()))
+        check_end(self, other.definition, self.problem(Options()))
         return other
-
-    def validity(self, problem: Problem, start: HybridState) -> EventObserver | None:
-        """Return an observer that warns of friction that adds energy."""
-        parts = [
-            part
-            for part in self._parts
-            if isinstance(part, Friction) and (callable(part.mu) or callable(part.normal))
-        ]
-        p = self._to_user(problem)
-
-        def values(time: float, y: Floats) -> tuple[float, Any, Any]:
-            return float(self.units.out("time", time)), self._state(y), p
-
-        return NegativeFriction(parts, problem, values, start) if parts else None
-
-    def gatherer(
-        self, problem: Problem, start: HybridState, window: TimeWindow
-    ) -> StatisticsAccumulator:
-        """Return the accumulator of the statistics of a run."""
-        return RunStatistics(self, problem, start, window)
-
-    def measures(
-        self, settled: RecurrenceColumns, periods: Floats, out: Conversion
-    ) -> dict[str, Floats]:
-        """Return the statistics of attractors that studies write, by heading."""
-        return measures(self, settled, periods, out)
-
-    @property
-    def measure_names(self) -> tuple[str, ...]:
-        """The headings of `measures`."""
-        return measure_names(self)
-
-    @property
-    def checked_modes(self) -> set[int]:
-        """The modes in which the functions have been validated; mutable."""
-        return checks.checked_modes(self.definition, self._period)
-
-    def check_recurrence(self) -> None:
-        """Raise FunctionError or InvalidParameter if time rules out periodic motions."""
-        self._recurrence  # noqa: B018 - raises, once
-
-    @cached_property
-    def _recurrence(self) -> None:
-        """The result of `check_recurrence`, if it raises no error."""
-        if self.forced:
-            period = float(self.units.out("time", self._checked_numbers.period))
-            periodicity.check_recurrence(self, self.definition, period)
-        else:
-            periodicity.check_autonomy(self.definition, self._checked_numbers.switches)
-
-    def check_forcing(self, trajectory: Trajectory) -> None:
-        """Raise FunctionError unless the functions of the forcing are periodic along a run."""
-        if not self.forced:
-            return
-        start, final = trajectory.start, trajectory.final
-        modes = {start.mode, *trajectory.events.mode_after.tolist()}
-        end = final.cycle + final.time / trajectory.period
-        is_whole = start.cycle == 0  # from the first period on
-        if is_whole and all(end <= self._compared.get(mode, 0.0) for mode in modes):
-            return
-        periodicity.check_forcing(self, self.definition, trajectory)
-        if is_whole:
-            self._compared.update({mode: max(end, self._compared.get(mode, 0.0)) for mode in modes})
-
-    @cached_property
-    def _compared(self) -> dict[int, float]:
-        """Times to which the functions of the forcing were found periodic, in periods, by mode."""
-        return {}
-
-    @property
-    def user_transitions(self) -> frozenset[str]:
-        """The names of the guards whose transitions are functions of the user."""
-        names = tuple(part.name for part in self._parts)  # events of a part begin with its name
-        return frozenset(
-            guard.name
-            for guard in self.definition.guards
-            if guard.name not in names
-            and not guard.name.startswith(tuple(f"{name} " for name in names))
-        )
-
-    @property
-    def discontinuity_check(self) -> Callable[[HybridState, float], bool]:
-        """Check for a discontinuity of the flow, called where steps become very short."""
-        return partial(checks.warn_of_discontinuity, self, self.definition)
-
-    @property
-    def mode_failure(self) -> Callable[[int, HybridState], tuple[str, str]] | None:
-        """Function that returns why no mode fits a state, and the remedy, with surfaces."""
-        sliding, p = self._sliding, self._named(self._parameters.values())
-        if sliding is None:
-            return None
-        return lambda code, at: sliding.failure(
-            code, self.units.out("time", at.time), self._state(at.y), p
-        )
-
-    def other_mode(self, start: HybridState, problem: Problem) -> int:
-        """Return the mode of another motion from the start on a switching surface, or -1."""
-        if self._sliding is None:
-            return -1
-        now = start.time if self.forced else start.cycle * problem.period + start.time
-        time, y = self.units.out("time", now), self._state(start.y)
-        return int(self._sliding.other_start(start.mode, time, y, self._to_user(problem)))
-
-    def warn_of_expansion(self, trajectory: Trajectory) -> None:
-        """Warn if a run slides on three surfaces or more around which motions may expand.
-
-        The states where each mode first begins and ends are tested, and the end of the run.
-        """
-        sliding, events, final = self._sliding, trajectory.events, trajectory.final
-        if sliding is None or len(sliding.surfaces) < 3:
-            return
-        p = self._named(self._parameters.values())
-        ends = [(final.mode, final.cycle, final.time, final.y)]
-        for modes, states in (
-            (events.mode_after, events.after),
-            (events.mode_before, events.before),
-        ):
-            for i in np.unique(modes, return_index=True)[1].tolist():
-                ends.append((int(modes[i]), int(events.cycle[i]), events.time[i], states[i]))
-        for mode, cycle, at, y in ends:
-            now = at if self.forced else cycle * trajectory.period + at
-            surfaces = sliding.expanding(mode, self.units.out("time", now), self._state(y), p)
-            if surfaces:
-                time = self.units.out("time", cycle * trajectory.period + at)
-                message = (
-                    f"motions around the intersection of {', '.join(surfaces)}, on which the run "
-                    f"slides at t = {time:.6g}, may expand: no weighted sum of the distances from "
-                    "these switching surfaces falls along all of them; compare a run that starts "
-                    "beside the intersection"
-                )
-                warn(message, StartWarning)
-                return
 
     @property
     def automaton(self) -> Automaton:
         """Modes, flow, guards and transitions, in the form that the event loop takes."""
-        if self.typical is None:
+        if self._typical is None:
             return automaton_of(self.definition)
-        return automaton_of(scaled(self.definition, self.typical))
+        return automaton_of(scaled(self.definition, self._typical))
 
     @property
     def section(self) -> Section | None:
@@ -492,7 +379,7 @@ class System(HybridSystem):
         p = self._named({**self._parameters, **(changes or {})}.values())
         return self._with_times(self._to_internal(p), self._times(p), 1.0)
 
-    def number_rates(self, name: str, changes: Mapping[str, float]) -> ProblemParameters | None:
+    def _number_rates(self, name: str, changes: Mapping[str, float]) -> ProblemParameters | None:
         """Return the derivatives of `numbers` by a scaled parameter, exact to rounding.
 
         None if a function of the times does not take numbers with tangents.
@@ -544,7 +431,7 @@ class System(HybridSystem):
             limit.check(self._named(self._parameters.values()))
         return super()._checked_numbers
 
-    def export_model(
+    def _export_model(
         self,
         inputs: Sequence[str] = (),
         initial: State | Mapping[str, float] | None = None,
@@ -553,8 +440,8 @@ class System(HybridSystem):
         """Return the system as plain data for export."""
         from mems_impact.export.generated_source import automaton_with_source
 
-        automaton, generated = automaton_with_source(self.definition, self.typical)
-        model = super().export_model(inputs, initial, options)
+        automaton, generated = automaton_with_source(self.definition, self._typical)
+        model = super()._export_model(inputs, initial, options)
         for name in inputs:
             changed = {**self._parameters, name: self._parameters[name] * 1.001 or 0.001}
             if self._period_of(changed) != self.forcing_period:
@@ -571,8 +458,8 @@ class System(HybridSystem):
             rate_step_index=len(self._parameters),
         )
 
-    @property
-    def parameter_indices(self) -> Mapping[str, int]:
+    @cached_property
+    def _parameter_indices(self) -> Mapping[str, int]:
         """Indices of the parameters in the parameter array."""
         return {name: i for i, name in enumerate(self._parameters)}
 
@@ -580,12 +467,6 @@ class System(HybridSystem):
     def forced(self) -> bool:
         """Whether the system has a forcing period; a function that defines it is not called."""
         return self._period is not None
-
-    @property
-    def time_functions(self) -> tuple[Callable[..., Any], ...]:
-        """Functions of the period, the switching times and the time scale."""
-        times = self._period, self._switches, self._time_scale
-        return tuple(each for each in times if callable(each))
 
     @property
     def forcing_period(self) -> float | None:
@@ -596,85 +477,12 @@ class System(HybridSystem):
         """Return the forcing period at these parameters; None for an autonomous system."""
         return arguments.number("period", self._period, self._named(parameters.values()))
 
-    def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
-        """Return the mode of a state whose mode is not given; `y` may be corrected in place.
-
-        If several modes fit, as within the hysteresis of a relay, `mode` is returned if it is among
-        them.
-        """
-        if self._begin is None:
-            return mode
-        when, state = self.units.out("time", time), self._state(y)
-        try:
-            fitting = int(self._begin(mode, when, state, self._to_user(problem)))
-        except Exception as error:
-            raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
-            location = innermost_user_line(error.__traceback__, self._begin)
-            if location[0]:  # in a function of the user
-                remedy = "make it return a value for every initial state"
-            raise FunctionError("the flow with its parts", raised, remedy, *location) from error
-        if self.mode_failure is not None and fitting < 0:
-            reason, _ = self.mode_failure(fitting, HybridState(0, time, mode, y))
-            raise InvalidParameter("initial", str(state), f"another state, since {reason}")
-        return fitting
-
-    def start_in(self, mode: int, time: float, y: Floats, problem: Problem) -> HybridState:
-        """Return the initial condition of a run from a state whose mode is given.
-
-        A state from a run at other parameters, in which a body rests, sticks or slides, is moved to
-        where the constraints of its mode hold, or, without constraints, to the guard on which the
-        mode rests; a mode whose margins are negative is replaced by a mode that fits. Rounding
-        errors are kept, to resume a run bit for bit.
-        """
-        automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
-        if mode in automaton.constrained:
-            _, onto = automaton.state_after(mode, automaton.projection_code, time, y, p)
-        elif self._begin is None:
-            onto = _at_rest(automaton, mode, time, y, p, problem.period)
-        else:
-            onto = y
-        y = y if np.abs(onto - y).max() <= START_TOLERANCE else onto
-        if self._begin is not None:
-            margins = automaton.margins_at(mode, time, y, p)[0]
-            switching = [guard.condition for guard in automaton.guards]
-            if (margins[switching] < -START_TOLERANCE).any():
-                mode = self.mode_of(y, time, problem, mode)
-        return HybridState(0, time, mode, y)
-
-    def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
-        """Return an observable, in its own unit, at a scaled state."""
-        return _observable_value(observable, self._state(y), self._to_user(problem))
-
-    def evaluate_event_observable(
-        self, observable: Observable, events: Events, i: int, problem: Problem
-    ) -> float:
-        """Return an observable, in its own unit, at an event in scaled units."""
-        p = self._to_user(problem)
-        before, after = self._state(events.before[i]), self._state(events.after[i])
-        instant = events.cycle[i] * problem.period + events.time[i]
-        mode, time = int(events.mode_before[i]), float(self.units.out("time", instant))
-        return _observable_value(observable, mode, time, before, after, p)
-
-    @property
-    def observed(self) -> CompiledObservables:
-        """The observables that studies record, as one function of scaled states."""
-        return observed(
-            tuple(
-                (each.name, each.function, self.observable_codes(each))
-                for each in self.study_observables
-            ),
-            self.states,
-            tuple(self._parameters),
-            writes_into_arrays(self.definition.flow),
-            self.typical,
-        )
-
     def _named(self, values: Iterable[float]) -> Any:
         return named_tuple("Parameters", tuple(self._parameters))(*values)
 
     def _state(self, y: Floats) -> Any:
         """Return a state by name, or as a list for functions that take an array."""
-        values = (y if self.typical is None else y * np.array(self.typical.states)).tolist()
+        values = (y if self._typical is None else y * np.array(self._typical.states)).tolist()
         if writes_into_arrays(self.definition.flow):
             return values
         return named_tuple("State", self.states)(*values)
@@ -682,13 +490,13 @@ class System(HybridSystem):
     def _to_internal(self, p: Any) -> Floats:
         """Return parameters in scaled units."""
         values = np.array(p, dtype=float)
-        return values if self.typical is None else values / np.array(self.typical.parameters)
+        return values if self._typical is None else values / np.array(self._typical.parameters)
 
     def _to_user(self, problem: Problem) -> Any:
         """Return the parameters of a problem by name, as functions read them."""
         values = problem.parameters[: len(self._parameters)]
-        if self.typical is not None:
-            values = values * np.array(self.typical.parameters)
+        if self._typical is not None:
+            values = values * np.array(self._typical.parameters)
         return self._named(values.tolist())
 
     def _own_time(self) -> float:
@@ -699,56 +507,12 @@ class System(HybridSystem):
         return scale or (period or 2.0 * math.pi) / (2.0 * math.pi)
 
 
-def _at_rest(
-    automaton: Automaton, mode: int, time: float, y: Floats, p: Floats, period: float
-) -> Floats:
-    """Return the state in `mode` moved to the guard on which the mode rests; `y` if on none.
-
-    A mode rests on a guard if a transition at the guard leads into the mode and to states with the
-    margin zero, and if the flow keeps the states that this transition leads to. Of several guards,
-    such as two stops, the nearest is meant.
-    """
-    best, distance = y, math.inf
-    for before in range(len(automaton.modes)):
-        gaps = automaton.margins_at(before, time, y, p, inactive_value=0.0)[0]
-        for i, gap in enumerate(gaps.tolist()):
-            for code in (i, len(gaps) + i) if before != mode and gap != 0.0 else ():
-                try:
-                    into, onto = automaton.state_after(before, code, time, y, p)
-                    if into != mode:
-                        continue
-                    left = automaton.margins_at(before, time, onto, p)[0][i]
-                    change = period * automaton.slope_at(mode, time, onto, p)
-                    drift = 0.0
-                    for part in (0.0, REST_STEP):
-                        x = onto + part * change
-                        again = automaton.state_after(before, code, time + part * period, x, p)[1]
-                        drift = max(drift, np.abs(again - x).max())
-                except (ArithmeticError, ValueError):
-                    continue  # a transition may be undefined away from its guard
-                size = max(np.abs(onto).max(), np.abs(change).max())
-                far = float(np.abs(onto - y).max())
-                consistent = abs(left) <= REST_RTOL * abs(gap) and drift <= REST_RTOL * size
-                if consistent and far < distance:
-                    best, distance = onto, far
-    return best
-
-
 def _function_or_none(value: Any) -> Any:
     return value if callable(value) else None
 
 
 def _in_units(value: float | None, unit: float) -> float | None:
     return None if value is None else value / unit
-
-
-def _observable_value(observable: Observable, *arguments: Any) -> float:
-    """Return an observable; FunctionError, with the user's line, if its function fails."""
-    try:
-        return float(observable.function(*arguments))
-    except Exception as error:
-        function = UserFunction(f"observable {observable.name}", observable.function)
-        raise function.explain_exception(error)[0] from error
 
 
 # Differences by parameters and corrections of equilibria need it thousands of times.

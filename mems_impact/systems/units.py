@@ -7,6 +7,7 @@ from typing import Any
 
 from mems_impact._util.quantities import quantities
 from mems_impact._util.units import Scales
+from mems_impact.hybrid.definition import Typical
 from mems_impact.tables import name_of, unit_of
 
 __all__ = ["Units"]
@@ -23,12 +24,14 @@ class Units(Mapping[str, str]):
         Units of states, parameters, observables and ``"time"``.
     scales : Scales
         The units of the scaled variables.
+    typical : Typical, optional
+        Typical magnitudes by which variables are scaled.
     sizes : mapping of str to float, optional
-        Scales of states, parameters and ``"time"`` by name, in place of those by unit.
-    margins : mapping of str to float, optional
-        Scales of the margins of guards; 1 by default.
+        The same of states, parameters and ``"time"`` by name, in place of scales by unit.
     margin_names : mapping of str to str, optional
         Units of the margins of guards.
+    symbols : mapping of str to str, optional
+        Symbols of parameters in figures, where they differ from the names.
     is_scaled : bool, optional
         Whether the variables are scaled by typical magnitudes.
     """
@@ -38,14 +41,16 @@ class Units(Mapping[str, str]):
         names: Mapping[str, str],
         scales: Scales,
         *,
+        typical: Typical | None = None,
         sizes: Mapping[str, float] | None = None,
-        margins: Mapping[str, float] | None = None,
         margin_names: Mapping[str, str] | None = None,
+        symbols: Mapping[str, str] | None = None,
         is_scaled: bool = True,
     ) -> None:
         self._names, self.scales, self.is_scaled = dict(names), scales, is_scaled
-        self._sizes, self._margins = sizes, margins or {}
-        self._margin_names = margin_names or {}
+        self.typical, self._sizes = typical, sizes
+        self._margins = dict(typical.margins) if typical else {}
+        self._margin_names, self.symbols = margin_names or {}, symbols or {}
 
     def __getitem__(self, name: str) -> str:
         return self._names[name]

@@ -15,7 +15,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from dis import get_instructions
 from functools import cache, lru_cache
@@ -67,7 +67,6 @@ __all__ = [
     "check_run",
     "check_start_side",
     "loaded",
-    "mode_monitor",
     "reachable_functions",
     "warn_of_discontinuity",
 ]
@@ -192,7 +191,9 @@ def warn_of_discontinuity(
         Whether the flow is discontinuous.
     """
     numbers = system.numbers()
-    checked = CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
+    checked = CheckedFunctions(
+        definition, [system.parameters[name] for name in definition.parameters]
+    )
     if system.forced:
         time = math.fmod(at.time, numbers.period)
         switches = numbers.switches and (*numbers.switches, numbers.period + numbers.switches[0])
@@ -456,12 +457,16 @@ class ModeMonitor(EventObserver):
         Its functions, in the user's units.
     problem : Problem
         The problem, in scaled units.
+    met : set of int
+        The modes that have been checked; mutable.
     """
 
-    def __init__(self, system: HybridSystem, definition: Definition, problem: Problem) -> None:
+    def __init__(
+        self, system: HybridSystem, definition: Definition, problem: Problem, met: set[int]
+    ) -> None:
         self.system, self.problem = system, problem
-        self.definition = definition
-        unmet = set(range(len(system.modes))) - system.checked_modes
+        self.definition, self.met = definition, met
+        unmet = set(range(len(system.modes))) - met
         self.points: dict[int, list[EvaluationPoint]] = {mode: [] for mode in unmet}
 
     def __call__(self, events: Events) -> None:
@@ -501,7 +506,7 @@ class ModeMonitor(EventObserver):
             return
         system, problem, definition = self.system, self.problem, self.definition
         checked = CheckedFunctions(
-            definition, [system.value(name) for name in definition.parameters]
+            definition, [system.parameters[name] for name in definition.parameters]
         )
         unit = float(system.units.out("time", problem.time_scale or problem.period))
         clock = TimeGrid(system.forcing_period, unit, problem.switches)
@@ -515,20 +520,7 @@ class ModeMonitor(EventObserver):
                     continue  # differences may leave the domain of the flow
             left -= len(points[:left])
             if points:
-                system.checked_modes.add(mode)
-
-
-def mode_monitor(
-    system: HybridSystem, problem: Problem, states: Iterable[HybridState]
-) -> ModeMonitor | None:
-    """Return a monitor of the modes of a motion through states; None without functions."""
-    unended = system.without_until  # an `until` function is only a margin
-    if unended.definition is None:
-        return None
-    monitor = ModeMonitor(unended, unended.definition, problem)
-    for each in states:
-        monitor.put(each)
-    return monitor
+                self.met.add(mode)
 
 
 # --- Short run
@@ -692,6 +684,7 @@ def check_run(
     system: HybridSystem,
     definition: Definition,
     problem: Problem,
+    met: set[int],
     *,
     time: float | None,
     initial_given: bool,
@@ -706,6 +699,8 @@ def check_run(
         Its functions.
     problem : Problem
         Its numbers.
+    met : set of int
+        The modes that have been checked; mutable.
     time : float or None
         Typical time, if the user gave one.
     initial_given : bool
@@ -758,7 +753,7 @@ def check_run(
     except InvalidParameter:
         if initial_given:
             raise
-    system.checked_modes.update(visits)
+    met.update(visits)
 
 
 def check_end(system: HybridSystem, definition: Definition, problem: Problem) -> None:
@@ -775,7 +770,7 @@ def _checked(definition: Definition, problem: Problem) -> CheckedFunctions:
 
 
 def _start(system: HybridSystem, problem: Problem) -> HybridState:
-    start = system.hybrid_state(None, problem)
+    start = system.state_space.instant(None, problem)
     # As given: a run moves it to where the constraints of its mode hold.
     values = {**dict.fromkeys(system.states, 0.0), **system.initial.as_dict()}
     y = [float(system.units.into(name, values[name])) for name in system.states]
@@ -854,10 +849,10 @@ def check_start_side(system: HybridSystem, problem: Problem, start: HybridState)
     mode is allowed: a relay switches at once. A margin that is zero within the tolerances causes no
     warning.
     """
-    if system.mode_by_switch or not start.initial:
+    if system.state_space.mode_by_switch or not start.initial:
         return  # the mode fits the state
     automaton, options = problem.automaton, problem.options
-    other = system.other_mode(start, problem)
+    other = system.checks.other_mode(start, problem)
     if other >= 0:
         mode, other_name = automaton.modes[start.mode], automaton.modes[other]
         message = (

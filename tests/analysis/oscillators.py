@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import mems_impact as mi
 
@@ -93,7 +94,7 @@ def _switch_on(mode, t, y, p):
     return ON, (y.T,)
 
 
-def thermostat(**changes: float) -> mi.System:
+def thermostat(observables: Sequence[mi.Observable] = (), **changes: float) -> mi.System:
     """A heater with hysteresis: one state, two modes."""
     return mi.System(
         states=("T",),
@@ -103,6 +104,7 @@ def thermostat(**changes: float) -> mi.System:
             mi.Guard("hot", _hot, _switch_off, modes=(ON,)),
             mi.Guard("cold", _cold, _switch_on, modes=(OFF,)),
         ],
+        observables=observables,
     )
 
 

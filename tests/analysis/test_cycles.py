@@ -68,7 +68,7 @@ def test_the_period_along_a_branch_is_that_of_the_closed_form(stick_slip):
     branch = mi.continue_solution(stick_slip, "v", 0.1, steps=mi.StepControl(max_step=0.2))
     assert branch.ended == "v reached its bound"
     for orbit in branch.orbits:
-        expected = belt_period(orbit.system.value("v"), 0.4)
+        expected = belt_period(orbit.system.parameters["v"], 0.4)
         assert orbit.period == pytest.approx(expected, abs=1e-9)
         assert orbit.admissible
     # Where it sticks for longer than it slips, the cycle is begun there.
@@ -212,7 +212,7 @@ def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
     assert "shrinks to an equilibrium" in branch.ended
     last = branch.orbits[-1]
     assert not last.stable
-    assert last.system.value("mu") == pytest.approx(0.0, abs=1e-9)
+    assert last.system.parameters["mu"] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.nightly

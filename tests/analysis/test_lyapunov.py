@@ -288,7 +288,7 @@ def test_chaos_against_two_neighbouring_runs():
     assert spectrum.kind == "chaotic"
     assert spectrum.converged
     problem = system.problem(FAST)
-    start = run(problem, system.hybrid_state(spectrum.final, problem), 1).final
+    start = run(problem, system.state_space.instant(spectrum.final, problem), 1).final
     exponent, error = by_two_runs(system, start, 1500)
     told = spectrum.errors[0] * spectrum.period
     assert error < 0.05

@@ -25,7 +25,7 @@ def test_ends_of_equilibria():
     found, *_ = mi.find_equilibria(system, guess={"x": 1e-6})
     branch = mi.continue_solution(found, "m", stop=1e-7)
     last = branch.equilibria[-1]
-    value = last.system.value("m")
+    value = last.system.parameters["m"]
     assert 1e-6 < value < 1.2e-6  # differences look a little beyond it
     assert branch.ended.startswith(
         f"no further step possible beyond m = {value:.9g} m: the flow is not defined at x = "

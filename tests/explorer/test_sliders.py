@@ -17,7 +17,7 @@ def test_every_parameter_has_a_slider_around_its_value(subject):
         subject.system.parameters
     )
     for each in specs:
-        value = subject.system.value(each.name)
+        value = subject.system.parameters[each.name]
         assert each.low <= value <= each.high
         assert 0.0 < each.step < each.high - each.low
         for end in (each.low, each.high):

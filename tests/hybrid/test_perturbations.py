@@ -114,7 +114,7 @@ def handed_on():
 def test_a_transition_caused_by_another_has_its_time():
     system = handed_on()
     problem = system.problem(PLAIN)
-    start = system.hybrid_state(None, problem)
+    start = system.state_space.instant(None, problem)
     kinds = [problem.automaton.guards[i].name for i in run(problem, start, 3).events.guard]
     assert {"one", "at once", "back", "middle"} <= set(kinds)
     check(problem, start, 3)
@@ -124,7 +124,7 @@ def test_a_transition_caused_by_another_has_its_time():
 def test_impacts():
     system = oscillator(A=1.0, e=0.7)
     problem = system.problem(FAST)
-    start = run(problem, system.hybrid_state(None, problem), 20.3).final
+    start = run(problem, system.state_space.instant(None, problem), 20.3).final
     assert run(problem, start, 4).events.impacts(problem.automaton).sum() >= 3
     check(problem, start, 4)
 
@@ -177,7 +177,7 @@ def test_a_sequence_of_impacts_closes_the_gap_by_impulses(options, e, height):
         initial={"V": 0.1, "x": height},
     )
     problem = system.problem(options)
-    start = system.hybrid_state(None, problem)
+    start = system.state_space.instant(None, problem)
     assert run(problem, start, 1).final.mode == RIDES
     check_one(problem, start, 1, tolerance=1e-6, h=1e-4 * math.sqrt(height))
 
@@ -185,7 +185,7 @@ def test_a_sequence_of_impacts_closes_the_gap_by_impulses(options, e, height):
 def test_at_rest_nothing_is_left():
     system = oscillator(A=2.0, omega=0.2, e=0.5)
     problem = system.problem(FAST)
-    start = system.hybrid_state(None, problem)
+    start = system.state_space.instant(None, problem)
     stretching = LyapunovIntegrator(problem, start, 2, chunk=2)
     stretching.advance_exponents()
     assert stretching.result.per_period.tolist() == [-math.inf, -math.inf]
@@ -197,7 +197,7 @@ def test_the_state_that_carries_perturbations_is_that_of_the_run():
     """On its own it would be another one after 30 units of time: neighbours part by exp(0.9 t)."""
     system = lorenz()
     problem = system.problem(PLAIN)
-    one = LyapunovIntegrator(problem, system.hybrid_state(None, problem), chunk=30)
+    one = LyapunovIntegrator(problem, system.state_space.instant(None, problem), chunk=30)
     one.advance_exponents()
     assert one._state.y[:3].tolist() == one.final.y.tolist()
 
@@ -222,7 +222,7 @@ def test_columns_of_a_badly_scaled_system_are_not_parallel(time_unit):
         },
     )
     problem = system.problem(FAST)
-    start = system.hybrid_state({"x": -0.1, "v": 0.0}, problem)
+    start = system.state_space.instant({"x": -0.1, "v": 0.0}, problem)
     one = LyapunovIntegrator(problem, start, 2, chunk=4, balanced=True)
     one.advance_exponents()
     assert one._state.length[0] == problem.period
@@ -232,7 +232,7 @@ def test_columns_of_a_badly_scaled_system_are_not_parallel(time_unit):
 def test_perturbations_may_have_a_looser_tolerance_than_the_run():
     system = oscillator(A=0.5)
     problem = system.problem(PLAIN)
-    start = system.hybrid_state(None, problem)
+    start = system.state_space.instant(None, problem)
     fine = LyapunovIntegrator(problem, start, chunk=8)
     loose = LyapunovIntegrator(problem, start, chunk=8, column_rtol=1e-6)
     for one in (fine, loose):
@@ -251,7 +251,7 @@ def _pulsed(mode, t, y, p):
 def test_perturbations_miss_no_pulse_that_the_run_resolves():
     system = mi.System(states=("x", "v"), flow=_pulsed, period=2.0 * math.pi, initial={"x": 0.1})
     problem = system.problem(PLAIN)
-    start = system.hybrid_state(None, problem)
+    start = system.state_space.instant(None, problem)
     fine, loose = (
         LyapunovIntegrator(problem, start, chunk=4, column_rtol=rtol) for rtol in (0.0, 1e-7)
     )
@@ -263,7 +263,7 @@ def test_perturbations_miss_no_pulse_that_the_run_resolves():
 def test_only_the_run_looks_for_events():
     system = oscillator(A=0.5)
     problem = replace(system.problem(PLAIN), section=(1, 0.0, 0))
-    one = LyapunovIntegrator(problem, system.hybrid_state(None, problem), chunk=2)
+    one = LyapunovIntegrator(problem, system.state_space.instant(None, problem), chunk=2)
     assert one._extended.engine.m == 1  # one margin that never fires
     assert one._run.engine.section == -1  # perturbations need no crossings of a section
     one.advance_exponents()
@@ -274,15 +274,15 @@ def test_only_the_run_looks_for_events():
 def test_the_same_to_the_last_bit():
     system = oscillator(A=0.5)
     problem = system.problem(FAST)
-    start = run(problem, system.hybrid_state(None, problem), 300).final
+    start = run(problem, system.state_space.instant(None, problem), 300).final
     how = {"tolerance": 1e-2, "sure": 4.0, "periods": 1000}
     exponent, error, periods = largest(LyapunovIntegrator(problem, start, chunk=16), **how)
     other = oscillator(A=0.8).problem(FAST)
-    again = LyapunovIntegrator(other, system.hybrid_state(None, other), chunk=16)
+    again = LyapunovIntegrator(other, system.state_space.instant(None, other), chunk=16)
     again.advance_exponents()
     again.restart(problem, start)
     assert largest(again, **how) == (exponent, error, periods)
-    orbit = mi.find_orbit(system, guess=system.state_of(start))
+    orbit = mi.find_orbit(system, guess=system.state_space.state(start))
     expected = math.log(abs(orbit.multipliers[0])) / orbit.periods
     assert abs(exponent - expected) < 3.0 * error < 0.1
     assert periods == 256
@@ -324,7 +324,7 @@ def test_actuator(drive):
     zhao = mi.load_actuator("zhao2004")
     system = zhao.under(drive)
     problem = system.problem(FAST)
-    start = run(problem, system.hybrid_state(mi.kicked_state(zhao), problem), 20.4).final
+    start = run(problem, system.state_space.instant(mi.kicked_state(zhao), problem), 20.4).final
     events = run(problem, start, 4).events
     assert events.impacts(problem.automaton).sum() >= 2
     check(problem, start, 4)

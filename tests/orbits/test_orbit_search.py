@@ -265,7 +265,7 @@ def test_a_margin_that_rises_from_zero_is_no_defect_and_from_below_is_one():
         initial={"s": 0.3},
     )
     options = Options(method="dop853", engine="interpreted", rtol=1e-11, atol=1e-13)
-    start = saw.hybrid_state(None, saw.problem(options))
+    start = saw.state_space.instant(None, saw.problem(options))
     orbit = find_cycle(saw.family(options), start, transient=5.0)
     np.testing.assert_allclose(orbit.multipliers, [math.exp(-1.0)], atol=1e-9)
 

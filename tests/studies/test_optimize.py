@@ -25,7 +25,7 @@ def orbit():
     return mi.find_orbit(ZHAO, mi.Sine(amplitude=0.24, omega=0.5), guess=NEAR, periods=1)
 
 
-COST = mi.Quantity("cost", lambda orbit: orbit.period + (orbit.system.value("q") - 4.0) ** 2)
+COST = mi.Quantity("cost", lambda orbit: orbit.period + (orbit.system.parameters["q"] - 4.0) ** 2)
 
 
 @pytest.mark.slow

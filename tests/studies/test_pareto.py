@@ -9,28 +9,16 @@ import pytest
 import mems_impact as mi
 from tests.analysis.oscillators import thermostat
 
-HEATER = mi.Quantity("heater", lambda orbit: orbit.system.value("q") ** 2)
+HEATER = mi.Observable(
+    "heater", lambda mode, t, before, after, p: p.q**2, at=("cold",), reduce="max"
+)
 OVER = {"q": (2.5, 6.0)}
 AIMS = {"period": "minimize", "heater": "minimize"}
 
 
 @pytest.fixture(scope="module")
 def orbit():
-    return mi.find_orbit(Heated.of(thermostat()))
-
-
-class Heated(mi.System):
-    """The thermostat, of whose orbits the square of the heater's power is known by name."""
-
-    @classmethod
-    def of(cls, system):
-        other = object.__new__(cls)
-        vars(other).update(vars(system))
-        return other
-
-    @property
-    def orbit_quantities(self):
-        return (*super().orbit_quantities, HEATER)
+    return mi.find_orbit(thermostat(observables=(HEATER,)))
 
 
 @pytest.fixture(scope="module")

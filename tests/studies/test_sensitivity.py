@@ -40,7 +40,7 @@ def quantities_of(orbit):
 
 def by_differences(orbit, name, tell, width=3e-3):
     """Differences of orbits that are found anew, none of whose derivatives are asked for."""
-    system, here = orbit.system, orbit.system.value(name)
+    system, here = orbit.system, orbit.system.parameters[name]
     h = width * (abs(here) or 1.0)
     total = {}
     for s in (-3, -2, -1, 1, 2, 3):
@@ -55,7 +55,7 @@ def test_by_all_parameters_of_device_and_drive(orbit, found):
     assert set(found.parameters) == {*DEVICE, "amplitude", "omega", "phase"}
     for name in (*DEVICE, "amplitude", "omega"):
         expected = by_differences(orbit, name, quantities_of)
-        noise = 1e-11 / (3e-3 * orbit.system.value(name))  # orbits are corrected to 1e-11
+        noise = 1e-11 / (3e-3 * orbit.system.parameters[name])  # orbits are corrected to 1e-11
         for quantity, value in expected.items():
             close = pytest.approx(value, rel=1e-6, abs=noise)
             assert found.gradient(quantity)[name] == close, (quantity, name)

@@ -171,7 +171,7 @@ def test_failed_values_are_rows(monkeypatch):
 
     def failing(system, *rest, **more):
         starts.append(more["initial"])
-        if system.value("amplitude") == 0.22:
+        if system.parameters["amplitude"] == 0.22:
             return simulate(system, *rest, **more | {"options": mi.Options(max_events=1)})
         return simulate(system, *rest, **more)
 

@@ -50,10 +50,13 @@ def test_values_of_axes():
 def test_initial_states():
     problem = SI.problem(mi.Options())
     given, plain = ({"x2": each, "time": time} for each, time in (("1 um", "2 ms"), (1e-6, 2e-3)))
-    states = [SI.state_of(SI.hybrid_state(each, problem)).as_dict() for each in (given, plain)]
+    states = [
+        SI.state_space.state(SI.state_space.instant(each, problem)).as_dict()
+        for each in (given, plain)
+    ]
     assert states[0] == states[1]
     with pytest.raises(mi.InvalidParameter, match="x2 = '1 V': must be a number"):
-        SI.hybrid_state({"x2": "1 V"}, problem)
+        SI.state_space.instant({"x2": "1 V"}, problem)
 
 
 @pytest.mark.parametrize(

@@ -222,7 +222,7 @@ def test_a_rebound_from_a_moving_wall_has_orbits():
     def rebound(mode, t, y, p):
         return mode, (-0.5, -0.8 * y.v + 0.01 * math.cos(t))
 
-    oscillator(rebound).check_recurrence()
+    oscillator(rebound).checks.recurrence()
 
 
 @pytest.mark.quick(2)
@@ -262,7 +262,7 @@ def test_a_forcing_with_jumps_and_a_rounded_period_is_periodic(period):
         time_scale=period,
     )
     mi.simulate(system, 50, options=INTERPRETED)
-    system.check_recurrence()
+    system.checks.recurrence()
 
 
 # --- Refusals

@@ -118,9 +118,9 @@ def test_sizes_need_not_be_powers_of_two_nor_all_be_given():
 def test_sizes_may_belong_to_units():
     units = {"x": "m", "v": "m/s", "time": "s", "A": "m/s^2", "k": "1/s^2"}
     other = oscillator(L, T, units=units, typical={"m": L, "s": T})
-    assert other.typical.states == (L, L / T)
-    assert other.typical.time == T
-    assert other.typical.parameters[1] == 1.0 / T**2
+    assert other.units.typical.states == (L, L / T)
+    assert other.units.typical.time == T
+    assert other.units.typical.parameters[1] == 1.0 / T**2
     same_tables(mi.simulate(oscillator(), 5, options=PLAIN).events,
                 mi.simulate(other, 5, options=PLAIN).events)  # fmt: skip
 

@@ -130,7 +130,7 @@ def cases(quick: bool) -> Iterator[Case]:
 def package(case: Case, method: str, rtol: float) -> Callable[[], State]:
     options = mi.Options(method=method, rtol=rtol, atol=SHARE * rtol, max_steps=MOST_STEPS)
     problem = case.system.problem(options)
-    start = case.system.hybrid_state(None, problem)
+    start = case.system.state_space.instant(None, problem)
     return lambda: run(problem, start, PERIODS).final.y
 
 

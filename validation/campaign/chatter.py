@@ -55,7 +55,7 @@ def pressed_for_long(seed: int, small: bool) -> Result:
     device = mi.load_actuator("zhao2004")
     system = device.under(drive)
     problem = system.problem(mi.Options(engine="compiled"))
-    state = system.hybrid_state(None, problem)
+    state = system.state_space.instant(None, problem)
     run(problem, state, 2.0)  # compiled and warm
     times, events, steps = [], [], []
     for _ in range(10):

@@ -134,7 +134,7 @@ def order_of_guards(seed: int, small: bool) -> Result:
         options = mi.Options(**{**case.options, "engine": "interpreted"})
         system = case.actuator.under(case.drive.build())
         problem = system.problem(options)
-        start = system.hybrid_state(case.initial, problem)
+        start = system.state_space.instant(case.initial, problem)
         places = tuple(int(i) for i in rng.permutation(len(problem.automaton.guards)))
         logs = []
         for automaton in (problem.automaton, permuted(problem.automaton, places)):

@@ -374,7 +374,7 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
     # a difference goes with the tolerance; what is wrong stays.
     for tight in (1.0, 1e-2):
         problem = system.problem(replace(options, rtol=RTOL * tight, atol=options.atol * tight))
-        instant = system.hybrid_state(mi.State(**values), problem)
+        instant = system.state_space.instant(mi.State(**values), problem)
         mine = comparing.answer(problem, instant, found.quiet, np.ones(len(places)), 1.0)
         story = comparing.compare(found, mine)
         if not story:

@@ -275,7 +275,7 @@ def frequency_response(
     parameter = system.frequency_parameter
     for name in (parameter, "amplitude"):
         system.check_parameter(name)
-    amplitude_values = system.value("amplitude") if amplitudes is None else amplitudes
+    amplitude_values = system.parameters["amplitude"] if amplitudes is None else amplitudes
     amplitude_values = system.units.parse("amplitude", amplitude_values, "amplitudes")
     values = np.atleast_1d(np.asarray(amplitude_values, dtype=float))
     tables = []
@@ -297,7 +297,11 @@ def frequency_response(
     if system.units:
         units |= {"deflection": "m", "amplitude": system.drive_unit}
     kept_units = {name: unit for name, unit in units.items() if name in table}
-    table.attrs = {"units": kept_units, "system": repr(system), "symbols": dict(system.symbols)}
+    table.attrs = {
+        "units": kept_units,
+        "system": repr(system),
+        "symbols": dict(system.units.symbols),
+    }
     return FrequencyResponse(system=system, parameter=parameter, table=table)
 
 
@@ -595,7 +599,7 @@ def lasts_until(
         ends = [special for special in branch.special_points if special.value == value]
         if kind == "bound" or any(special.label in STABILITY_LOSS_LABELS for special in ends):
             break
-        last = min(branch.orbits, key=lambda each: abs(each.system.value("amplitude") - value))
+        last = min(branch.orbits, key=lambda each: abs(each.system.parameters["amplitude"] - value))
         ahead = value + math.copysign(AMPLITUDE_STEP_BEYOND_JUMP * value, stop - value)
         if (stop - ahead) * (stop - value) <= 0.0:
             break
@@ -621,7 +625,7 @@ def end_of(branch: Branch, stop: float) -> tuple[float, str]:
     stop : float
         Bound of the branch: the kind of an end there is "bound".
     """
-    values = [orbit.system.value(branch.parameter) for orbit in branch.orbits]
+    values = [orbit.system.parameters[branch.parameter] for orbit in branch.orbits]
     sign = math.copysign(1.0, stop - values[0])
     for special in branch.special_points:
         beyond = (

@@ -311,7 +311,7 @@ def result_of(run: ActuatorRun, smallest_bounce: float, *, stays: bool) -> Closi
     system, trajectory = run.system, run.trajectory
     log, when = trajectory.events, times(run.trajectory)
     hits = np.flatnonzero(is_impact(log))
-    delta = float(system.internal_parameters["delta"])
+    delta = float(system.units.into("delta", system.parameters["delta"]))
     side = np.where(log.guard[hits] == RIGHT_IMPACT, 1, -1)
     contact, flight, height = (np.full(hits.size, math.nan) for _ in range(3))
     for i, row in enumerate(hits.tolist()):

@@ -110,7 +110,7 @@ def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[EnergyArc]:
     for i, segment in enumerate(solution.segments):
         start, end = float(solution.point.starts[i]), float(solution.point.ends[i])
         event = solution.point.events[i]
-        y = orbit.system.snap_to_mode(segment.mode, states[i]) + gathered
+        y = orbit.system.state_space.snap(segment.mode, states[i]) + gathered
         last = solution.point.arcs[i].end
         after = last if event is None else event.after
         v2 = float(last[V2]), float(after[V2])

@@ -169,7 +169,7 @@ def force_curve(
         raise InvalidParameter("loads", loads, "one or more finite numbers")
     transient, periods = whole("transient", transient, 0), whole("periods", periods, 1)
     system = actuator.adding(FrameForce(force=0.0)).under(drive)
-    start = system.start_of("down") if initial is None else initial
+    start = system.state_space.initial("down") if initial is None else initial
     chain = _Chain(system, start, transient, periods, options)
     rows = [chain.at(load) for load in values.tolist()]
     sliding, holding = _holding_loads(system)

@@ -642,7 +642,7 @@ class ChartBuilder:
             start_system = self._system_at(omega).changed(
                 amplitude=self.system.units.out(AMPLITUDE, amplitude)
             )
-            rest = start_system.hybrid_state(State(), family.problem())
+            rest = start_system.state_space.instant(State(), family.problem())
             try:
                 orbit = find_periodic_orbit(family, rest, active=(AMPLITUDE,))
             except OrbitError as error:

@@ -158,7 +158,7 @@ def ring_down(
     quiet = Sine(amplitude=0.0, omega=math.sqrt(actuator.k / actuator.m2))
     free_system = ActuatorSystem(actuator, quiet)
     sticks = comes_to_rest(free_system)
-    start: Any = system.start_of("down") if initial is None else initial
+    start: Any = system.state_space.initial("down") if initial is None else initial
     if isinstance(start, State):
         start = start.replace(time=0.0)
     begin = 0.0
@@ -245,7 +245,7 @@ def slow_decay(
         begin = state.copy()
         begin[X2] = middle + part * (state[X2] - middle)
         begin[V1], begin[V2] = part * state[V1], part * state[V2]
-        initial = system.state_of(HybridState(0, 0.0, mode, begin))
+        initial = system.state_space.state(HybridState(0, 0.0, mode, begin))
         for _ in range(2):  # the first run determines the tolerances of the second
             decay = simulate(system, PERIODS, initial=initial, options=fine)
             t, high = (each[SKIPPED:] for each in swings(decay.trajectory, True))
@@ -283,10 +283,15 @@ def after_contacts(
     log = log[is_release(log)]
     stoppers = [each.name() for each in system.actuator.terms if each.replaced_rule == "stopper"]
     rigid = ActuatorSystem(system.actuator.without(*stoppers), system.drive, system.units.scales)
-    begin, state = 0.0, system.state_of(system.hybrid_state(start, system.problem(options)))
+    begin, state = (
+        0.0,
+        system.state_space.state(system.state_space.instant(start, system.problem(options))),
+    )
     if len(log):
         begin = float(log.cycle[-1] * run.trajectory.period + log.time[-1])
-        state = system.state_of(HybridState(0, 0.0, int(log.mode_after[-1]), log.after[-1]))
+        state = system.state_space.state(
+            HybridState(0, 0.0, int(log.mode_after[-1]), log.after[-1])
+        )
     values = {name: state[name] for name in rigid.states}
     delta = system.actuator.delta
     values["x2"] = min(max(values["x2"], -delta), delta)

@@ -11,20 +11,18 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import Scales
 from mems_impact.errors import FunctionsMissing, InvalidParameter
-from mems_impact.hybrid.attractors.mapper import RecurrenceColumns
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import Typical
 from mems_impact.hybrid.problem import Problem, Section
-from mems_impact.hybrid.simulation import Events
-from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.systems.arguments import check_names
-from mems_impact.systems.base import Conversion, HybridSystem
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.checks import Checks
 from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import State
-from mems_impact.systems.statistics import measure_names
+from mems_impact.systems.state_space import StateSpace
+from mems_impact.systems.statistics import SystemStatistics
 from mems_impact.systems.units import Units
-from mems_impact.systems.window_statistics import TimeWindow
 
 __all__ = ["DetachedSystem", "check_same_system", "describe"]
 
@@ -55,11 +53,11 @@ def describe(system: HybridSystem, functions: Mapping[str, str]) -> dict[str, An
         "parameters": system.parameters,
         "units": dict(system.units),
         "scales": system.units.scales,
-        "typical": system.typical,
+        "typical": system.units.typical,
         "section": system.section,
         "initial": system.initial,
-        "displayed_states": system.displayed_states,
-        "sweep_statistics": system.sweep_statistics,
+        "displayed_states": system.state_space.displayed,
+        "sweep_statistics": system.statistics.sweep_columns,
         "observables": [
             {"name": each.name, "at": each.at, "reduce": each.reduce, "unit": each.unit}
             for each in system.observables
@@ -115,6 +113,39 @@ def _missing_function(*arguments: Any) -> NoReturn:
     raise FunctionsMissing("the functions of the system")
 
 
+class DetachedStatistics(SystemStatistics):
+    """Names of the statistics of a system without its functions."""
+
+    _system: DetachedSystem
+
+    @property
+    def recorded(self) -> NoReturn:
+        """Raise FunctionsMissing."""
+        self._system.refuse()
+
+    @property
+    def sweep_columns(self) -> tuple[str, ...]:
+        """The statistics in the table of a sweep."""
+        names: tuple[str, ...] = self._system.description["sweep_statistics"]
+        return names
+
+
+class DetachedStateSpace(StateSpace):
+    """The states of a system without its functions."""
+
+    _system: DetachedSystem
+
+    @property
+    def displayed(self) -> tuple[str, ...]:
+        """The states by which sweeps and branches display an orbit."""
+        names: tuple[str, ...] = self._system.description["displayed_states"]
+        return names
+
+    def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> NoReturn:
+        """Raise FunctionsMissing."""
+        self._system.refuse()
+
+
 class DetachedSystem(HybridSystem):
     """A system described in a file, without its functions.
 
@@ -133,7 +164,6 @@ class DetachedSystem(HybridSystem):
         )
         self.name = description["name"]
         self._parameters = dict(description["parameters"])
-        self.typical = description.get("typical")
         observables = description["observables"]
         self.observables = tuple(
             Observable(function=_missing_function, **each) for each in observables
@@ -177,7 +207,30 @@ class DetachedSystem(HybridSystem):
     @cached_property
     def units(self) -> Units:
         """Units of states, parameters, observables and times."""
-        return Units(self._description["units"], self._description["scales"])
+        return Units(
+            self._description["units"],
+            self._description["scales"],
+            typical=self._description.get("typical"),
+        )
+
+    @property
+    def state_space(self) -> StateSpace:
+        """Its states: names, and conversion from scaled states."""
+        return DetachedStateSpace(self)
+
+    @property
+    def checks(self) -> Checks:
+        """No checks, since the functions are missing."""
+        return Checks(self)
+
+    @property
+    def statistics(self) -> SystemStatistics:
+        """Statistics by name, without functions of observables."""
+        return DetachedStatistics(self, self.refuse, self.refuse)
+
+    def refuse(self, _: Any = None) -> NoReturn:
+        """Raise FunctionsMissing."""
+        raise FunctionsMissing(self._refusal())
 
     @property
     def initial(self) -> State:
@@ -190,18 +243,6 @@ class DetachedSystem(HybridSystem):
         """The Poincaré section."""
         section: Section | None = self._description["section"]
         return section
-
-    @property
-    def displayed_states(self) -> tuple[str, ...]:
-        """The states by which sweeps and branches display an orbit."""
-        names: tuple[str, ...] = self._description["displayed_states"]
-        return names
-
-    @property
-    def sweep_statistics(self) -> tuple[str, ...]:
-        """The statistics in the table of a sweep."""
-        names: tuple[str, ...] = self._description["sweep_statistics"]
-        return names
 
     @property
     def forcing_period(self) -> float | None:
@@ -243,42 +284,10 @@ class DetachedSystem(HybridSystem):
         """Names and values of all parameters."""
         return dict(self._parameters)
 
-    @property
-    def measure_names(self) -> tuple[str, ...]:
-        """The headings of the statistics of attractors."""
-        return measure_names(self)
-
-    def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> NoReturn:
-        """Raise FunctionsMissing."""
-        raise FunctionsMissing(self._refusal())
-
-    @property
-    def observed(self) -> NoReturn:
-        """Raise FunctionsMissing."""
-        raise FunctionsMissing(self._refusal())
-
-    def measures(self, settled: RecurrenceColumns, periods: Floats, out: Conversion) -> NoReturn:
-        """Raise FunctionsMissing."""
-        raise FunctionsMissing(self._refusal())
-
     def numbers(self, changes: Mapping[str, float] | None = None) -> NoReturn:
         """Raise FunctionsMissing: period and switches may be functions."""
         raise FunctionsMissing(self._refusal())
 
     def ending(self, until: Callable[..., float]) -> HybridSystem:
-        """Raise FunctionsMissing."""
-        raise FunctionsMissing(self._refusal())
-
-    def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
-        """Raise FunctionsMissing."""
-        raise FunctionsMissing(self._refusal())
-
-    def evaluate_event_observable(
-        self, observable: Observable, events: Events, i: int, problem: Problem
-    ) -> float:
-        """Raise FunctionsMissing."""
-        raise FunctionsMissing(self._refusal())
-
-    def gatherer(self, problem: Problem, start: HybridState, window: TimeWindow) -> NoReturn:
         """Raise FunctionsMissing."""
         raise FunctionsMissing(self._refusal())

@@ -27,8 +27,8 @@ def identity(system: HybridSystem) -> dict[str, Any]:
     }
     automaton = system.automaton
     functions = [automaton.flow, automaton.margins, automaton.transition]
-    functions += [each.function for each in system.study_observables]
-    functions += system.time_functions
+    functions += [each.function for each in system.statistics.observables]
+    functions += system.checks.times
     return {"system": node, "arrays": arrays, "functions": digest(*functions)}
 
 

@@ -285,7 +285,7 @@ def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
     orbit = mi.find_orbit(LIGHT, drive, guess=mi.kicked_state(LIGHT), transient=300)
     branch = mi.continue_solution(orbit, "amplitude", stop=50.0)
     assert branch.ended.startswith("slip end: no orbit was found near this one")
-    last = branch.orbits[-1].system.value("amplitude")
+    last = branch.orbits[-1].system.parameters["amplitude"]
     assert last > 1.2 * window.low
     state = orbit.state
     for volts in np.linspace(109.0, 1.002 * window.low, 30):

@@ -139,7 +139,7 @@ def test_is_a_parameter_of_orbits():
     branch = mi.continue_solution(orbit, "slew_rate.rate", stop=0.28)
     last = branch.orbits[-1]
     there = mi.find_orbit(last.system, options=INTERPRETED, guess=last.state, periods=1)
-    assert last.system.value("slew_rate.rate") < 0.3
+    assert last.system.parameters["slew_rate.rate"] < 0.3
     assert there.state.x2 == pytest.approx(last.state.x2, abs=1e-9)
 
 
@@ -152,7 +152,7 @@ def test_a_branch_ends_where_the_source_begins_to_limit():
     orbit = mi.find_orbit(system, options=INTERPRETED, transient=30, periods=1)
     branch = mi.continue_solution(orbit, "amplitude", stop=0.15)
     assert "the forcing has 2 switching times there instead of 0" in branch.ended
-    assert branch.orbits[-1].system.value("amplitude") == pytest.approx(0.125, rel=0.02)
+    assert branch.orbits[-1].system.parameters["amplitude"] == pytest.approx(0.125, rel=0.02)
     with pytest.raises(mi.InvalidParameter, match="no chart with slew_rate: its switching times"):
         mi.operating_chart(system.actuator)
 
