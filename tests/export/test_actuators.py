@@ -8,6 +8,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.export.c_source import INTEGER, REAL, Array, CSource
+from mems_impact.export.event_loop_source import HANDLERS
 from mems_impact.export.fmu import FLAGS, find_compiler
 from tests.actuator.waveforms import DRIVES
 
@@ -71,7 +72,7 @@ int64_t transition(int64_t mode, int64_t code, double t, double *y, double *p)
 
 
 def library_of(model, count, folder):
-    source, automaton = CSource(generated=model.generated), model.automaton
+    source, automaton = CSource(HANDLERS, model.generated), model.automaton
     n, m = len(automaton.states), len(automaton.guards)
     y, p, g = Array((n,)), Array((count,)), Array((m,))
     names = {
