@@ -23,7 +23,7 @@ from validation.campaign import automata
 from validation.campaign.comparing import ONE, Unit, Verdict
 from validation.campaign.drawn import Drawn
 
-LIMIT = 1e-12  # terms may cancel; 1e-13 without
+LIMIT = 1e-12  # relative to the largest derivative of the function, not to the largest term
 ROUNDING = 4e-15  # between compiled and interpreted code
 WIDTH = 8  # tangents of compiled numbers: of time and at most six states
 NAMES = "sin cos tan asin atan sinh cosh tanh exp log sqrt hypot atan2 floor"
