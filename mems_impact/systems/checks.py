@@ -16,7 +16,6 @@ from mems_impact.hybrid.definition import named_tuple
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Trajectory
 from mems_impact.hybrid.state import HybridState
-from mems_impact.integrators.options import Options
 from mems_impact.systems import periodicity, validation
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.components.base import Part
@@ -135,12 +134,12 @@ class FunctionChecks(Checks):
         """Raise FunctionError or InvalidParameter if time rules out periodic motions."""
         if self._passed.recurrence:
             return
-        problem = self._system.problem(Options())
+        numbers = self._system._checked_numbers
         if self._system.forced:
-            period = float(self._system.units.out("time", problem.period))
+            period = float(self._system.units.out("time", numbers.period))
             periodicity.check_recurrence(self._system, self._definition, period)
         else:
-            periodicity.check_autonomy(self._definition, problem.switches)
+            periodicity.check_autonomy(self._definition, numbers.switches)
         self._passed.recurrence = True
 
     def _mode_failure(self, code: int, at: HybridState) -> tuple[str, str]:

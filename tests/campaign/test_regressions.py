@@ -211,7 +211,7 @@ def test_flights_that_drown_in_rounding_are_the_end_of_a_sequence(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("excess", [1e-8, 1e-10, 1e-11])
-def test_a_slip_below_the_tolerance_is_one_slip(excess, engine):
+def test_a_slip_below_the_tolerance_is_at_most_one_slip(excess, engine):
     """The load exceeds the static limit at the start by a part in 1e10, and mu_d = mu_s.
 
     The frame creeps for 5e-9 at 1e-22. The straight line that is CVODE's first step put the end of
@@ -224,7 +224,7 @@ def test_a_slip_below_the_tolerance_is_one_slip(excess, engine):
     wave = Spec("sine", {"amplitude": 0.2, "omega": 0.05})
     case = Case("", device, wave, (0.0, 0.0, 0.0, 0.0), 0.0, 0.01, {"rtol": 1e-9, "atol": 1e-11})
     events = case.run(engine=engine).trajectory.events
-    assert np.count_nonzero(events.kind == workspace.TRANSITION) == 1
+    assert np.count_nonzero(events.kind == workspace.TRANSITION) <= 1
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -180,7 +180,7 @@ def test_impact_is_differentiated_as_equations_5_and_6_say():
     share = m2 / (m1 + m2)
     for code, side in ((RIGHT_IMPACT, 1.0), (LEFT_IMPACT, -1.0)):
         y[2] = side * DEVICE.delta
-        event = variational.event(0, code, 1.0, y)
+        event = variational.event(1, code, 1.0, y)
         after = [0.0, 0.03 + (1.0 + e) * share * 0.4, side * DEVICE.delta, -e * 0.4]
         np.testing.assert_allclose(event.after, after, atol=1e-15)
         assert event.mode == 1
