@@ -41,7 +41,7 @@ from mems_impact.integrators.jit.numba_support import INNER, JIT, as_reals
 
 __all__ = ["try_compile"]
 
-INLINED_BYTES = 1500  # of bytecode: generated functions that grow larger are called
+INLINED_BYTES = 3000  # of bytecode: generated functions that grow larger are called
 
 # --- Snapshots
 
