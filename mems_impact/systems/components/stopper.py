@@ -196,7 +196,7 @@ class Stopper(Contact):
 
     def nearest(self, names: CodeNames, stop: Stop) -> str:
         """Return whether a stop is the nearest."""
-        others = [each for each in self.stops if each is not stop]
+        others = [each for each in self.stops if each.number != stop.number]
         nearer = (f"{self.gap(names, stop)} < {self.gap(names, other)}" for other in others)
         return next(nearer, "True")
 
