@@ -98,7 +98,7 @@ def test_flow_margins_and_transitions(name, tmp_path):
     system = SYSTEMS[name]
     problem = system.problem(mi.Options(method="dop853"))
     automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
-    library = library_of(system.export_model(), len(p), tmp_path)
+    library = library_of(system._export_model(), len(p), tmp_path)
     n, m = len(automaton.states), len(automaton.guards)
     random = np.random.default_rng(1)
     for _ in range(20):

@@ -64,7 +64,7 @@ def _trial(
     mode, guard = int(generator.integers(len(MODES))), int(generator.integers(m))
 
     def margin(y: Floats) -> tuple[float, float]:
-        g, r = np.empty(m), np.empty(m)
+        g, r = np.ones(m), np.ones(m)  # a guard without a margin in this mode
         automaton.margins(mode, t, y, p, g, r)
         return float(g[guard]), float(r[guard])
 
@@ -97,7 +97,7 @@ def _by_time(
 ) -> Iterator[Transition]:
     """Let time go until the guard fires, the state held."""
     m = len(GUARDS)
-    g, r = np.empty(m), np.empty(m)
+    g, r = np.ones(m), np.ones(m)  # a guard without a margin in this mode
 
     def margin(t: float) -> float:
         automaton.margins(mode, t, y, p, g, r)
@@ -119,7 +119,7 @@ def _by_time(
 def _in_mode(automaton: Automaton, mode: int, guard: int, t: float, y: Floats, p: Floats) -> bool:
     """Return whether the automaton may be in `mode` here: no other margin is violated."""
     m = len(GUARDS)
-    g, r = np.empty(m), np.empty(m)
+    g, r = np.ones(m), np.ones(m)  # a guard without a margin in this mode
     automaton.margins(mode, t, y, p, g, r)
     g[guard] = 0.0
     return bool((g >= 0.0).all())
