@@ -82,7 +82,7 @@ class RunDerivatives:
     @cached_property
     def columns(self) -> Columns:
         """Derivatives at all events and at the end, in scaled units."""
-        return self._columns_at(np.array([self._end]), "after")
+        return self._numeric.at(np.array([self._end]), "after")
 
     @property
     def final(self) -> pd.DataFrame:
@@ -145,7 +145,7 @@ class RunDerivatives:
         if not (np.isfinite(at).all() and (scaled >= first).all() and (scaled <= last).all()):
             low, high = (float(system.units.out("time", border)) for border in (first, last))
             raise InvalidParameter("times", at.tolist(), f"times from {low:g} to {high:g}")
-        columns = self._columns_at(scaled, side)
+        columns = self._numeric.at(scaled, side)
         here = np.flatnonzero(columns.rows < 0)
         here = here[np.argsort(np.argsort(scaled, kind="stable"))]
         rates = np.outer(columns.bases[here], self.quantities.period_rates)
@@ -160,8 +160,9 @@ class RunDerivatives:
         Parameters
         ----------
         function : callable
-            ``function(run)`` of events, impacts, statistics, the last state and samples of a run.
-            The number of events is constant: what is discrete has no derivative.
+            ``function(run)`` of events, impacts, statistics and the last state of a run. The number
+            of events is constant: what is discrete has no derivative. States inside an arc, such as
+            samples and the start of the window, are integrated again, and not exact.
 
         Returns
         -------
@@ -255,9 +256,6 @@ class RunDerivatives:
     def _numeric(self) -> RunColumns:
         return RunColumns(self.run.trajectory, self.quantities, one_sided=self.one_sided)
 
-    def _columns_at(self, times: Floats, side: str, inner: bool = False) -> Columns:
-        return self._numeric.at(times, side, inner)
-
     def _final(self, columns: Columns) -> Floats:
         """Return the derivatives of the last state, at a phase of the forcing."""
         if self.run.trajectory.ended:  # by an event
@@ -273,13 +271,13 @@ class RunDerivatives:
     @cached_property
     def _inner(self) -> Columns:
         """Derivatives at all rows of the event log."""
-        return self._columns_at(np.array([self._end]), "after", inner=True)
+        return self._numeric.at(np.array([self._end]), "after", inner=True)
 
     def _gradient(self, function: Callable[[Run], Any], c: int) -> Floats:
         """Return the derivatives of a function by one quantity, shape (m,).
 
         The run of a neighbouring value is the run plus a multiple of its derivatives, so that the
-        difference has no error of an integration.
+        difference of its events has no error of an integration.
         """
         run, columns = self.run, self._inner
         log = run.trajectory.events
@@ -355,8 +353,8 @@ class RunDerivatives:
 def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
     """Return the derivatives of a run; see `Run.derivatives`."""
     names = (names,) if isinstance(names, str) else tuple(names)
-    trajectory = run.trajectory.with_events(run._log("derivatives"))
-    family, automaton = run.system.family(run.options), trajectory.automaton
+    run._log("derivatives")
+    family, automaton = run.system.family(run.options), run.trajectory.automaton
     states = [f"{INITIAL}{name}" for name in automaton.states]
     for name in names:
         if name not in family.values and name not in states:

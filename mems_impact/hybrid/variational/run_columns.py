@@ -86,9 +86,9 @@ class ColumnPath(NamedTuple):
         Output: the flow before and after the event.
     instants : float array, shape (N, s)
         Output: derivatives of the time of the event.
-    margins : float array, shape (N, 4)
-        Output: of the guard of the event its margin, its rate, the change of the rate along the
-        flow, and the error of the margin.
+    margins : float array, shape (N, 3)
+        Output: of the margin of the event its rate, the change of the rate along the flow, and its
+        error.
     first_margins : float array, shape (2 m,)
         Margins before the first event of the present instant.
     """
@@ -113,11 +113,11 @@ class ColumnPath(NamedTuple):
     first_margins: Any
 
 
-def propagate_columns(engine: Any, block: Any, path: Any, first: int, skip_tie: int) -> int:
+def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
     """Propagate the columns from piece `first` on.
 
     Returns DONE; the number of a piece whose event is simultaneous with the event before but not
-    its consequence, unless it is `skip_tie`; or -2 - i if piece i cannot be integrated.
+    its consequence; or -2 - i if piece i cannot be integrated.
     """
     w, s = path.variational, path.columns
     n, y, slope = w.n, path.y, w.work[8]
@@ -127,21 +127,20 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int, skip_tie: 
         mode, kind, guard = path.pieces[i, 0], path.pieces[i, 1], path.pieces[i, 2]
         start, end = path.times[i, 0], path.times[i, 1]
         set_clock(engine, path, i)
-        if i != skip_tie:
-            if path.starts[i, 0] == path.starts[i, 0]:
-                for j in range(n):
-                    y[j] = path.starts[i, j]
-            if path.times[i, 2] != 0.0:
-                interface.flow(engine, mode, start, y, slope)
-                for j in range(n):
-                    for c in range(s):
-                        y[n + s * j + c] += path.times[i, 2] * slope[j] * path.period_rates[c]
-            if kind == ACCUMULATION:
-                mode = rest(engine, mode, guard, start, path)
-            if w.constrained[mode] == 1:
-                project(engine, mode, start, y, w)
-            if end > start and not integrate(engine, mode, y, start, end, w, approaches=False):
-                return -2 - i
+        if path.starts[i, 0] == path.starts[i, 0]:
+            for j in range(n):
+                y[j] = path.starts[i, j]
+        if path.times[i, 2] != 0.0:
+            interface.flow(engine, mode, start, y, slope)
+            for j in range(n):
+                for c in range(s):
+                    y[n + s * j + c] += path.times[i, 2] * slope[j] * path.period_rates[c]
+        if kind == ACCUMULATION:
+            mode = rest(engine, mode, guard, start, path)
+        if w.constrained[mode] == 1:
+            project(engine, mode, start, y, w)
+        if end > start and not integrate(engine, mode, y, start, end, w, approaches=False):
+            return -2 - i
         for j in range(n):
             for c in range(s):
                 path.before[i, j, c] = path.after[i, j, c] = y[n + s * j + c]
@@ -151,7 +150,7 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int, skip_tie: 
                 path.slopes[i, 0, j] = path.slopes[i, 1, j] = slope[j]
         if kind in (TRANSITION, SWITCH):
             is_later = i == 0 or end > start or path.pieces[i - 1, 1] != TRANSITION
-            if not cross(engine, i, is_later, i == skip_tie, path):
+            if not cross(engine, i, is_later, path):
                 return i
         for j in range(n):
             for c in range(s):
@@ -170,11 +169,11 @@ def set_clock(engine: Any, path: Any, i: int) -> None:
             interface.set_parameter(engine, count * (1 + s) + s * path.clock + c, rate)
 
 
-def cross(engine: Any, i: int, is_later: bool, is_tie: bool, path: Any) -> bool:
+def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
     """Propagate the columns through the transition at the end of piece `i`.
 
     An event of the same instant as the event before is its consequence, and happens with it, if its
-    margin was not zero before. Return False for another one, unless `is_tie`.
+    margin was not zero before. Return False for another one.
     """
     w, s = path.variational, path.columns
     n, m, y, t = w.n, w.m, path.y, path.times[i, 1]
@@ -197,11 +196,10 @@ def cross(engine: Any, i: int, is_later: bool, is_tie: bool, path: Any) -> bool:
             gain += abs(margin[guard, 1 + j])
             size += abs(margin[guard, 1 + j] * y[j])
         error = path.tolerances[0] * size + path.tolerances[1] * gain
-        path.margins[i, 0], path.margins[i, 1] = margin[guard, 0], rate
-        path.margins[i, 2], path.margins[i, 3] = change, error
+        path.margins[i, 0], path.margins[i, 1], path.margins[i, 2] = rate, change, error
         depth = TOLERANCES * error + 1e-6 * abs(rate) * path.tolerances[2]
         own = is_later or abs(path.first_margins[guard]) <= depth
-        if own and not is_later and not is_tie and path.records[guard] == 0:
+        if own and not is_later and path.records[guard] == 0:
             return False
         for c in range(s):
             if own:
@@ -407,7 +405,7 @@ class RunColumns:
         rows, path = self._path(np.asarray(times, dtype=float), side, inner)
         kinds = np.full(len(rows), SMOOTH, dtype=object)
         first, lost = 0, np.zeros((len(rows), self._s), dtype=bool)
-        while (result := self._binding.call(propagate_columns, self._block, path, first, -1)) >= 0:
+        while (result := self._binding.call(propagate_columns, self._block, path, first)) >= 0:
             first = self._resolve(path, rows, kinds, lost, result)
         if result < DONE:
             raise RunError(
@@ -490,7 +488,7 @@ class RunColumns:
             after=np.zeros((count, n, s)),
             slopes=np.zeros((count, 2, n)),
             instants=np.zeros((count, s)),
-            margins=np.zeros((count, 4)),
+            margins=np.zeros((count, 3)),
             first_margins=np.zeros(2 * len(automaton.guards)),
         )
         return rows, path
@@ -522,7 +520,6 @@ class RunColumns:
             and (path.pieces[end, 1] == TRANSITION)
         ):
             end += 1
-        guards = path.pieces[begin:end, 2].tolist()
         guards, log = path.pieces[begin:end, 2].tolist(), self._trajectory.events
         columns, mode = path.before[begin].copy(), int(path.pieces[begin, 0])
         state = np.where(self._moving, log.before[rows[begin]], 0.0)
@@ -549,8 +546,7 @@ class RunColumns:
                 or (np.abs(found - found[0]) > SAME_RTOL * np.abs(found).max()).any()
             )
             if differs:
-                lost[end:, c] = True
-                lost[end - 1, c] = True
+                lost[end - 1 :, c] = True
             else:
                 after[:, c] = found[0]
         for i, guard in enumerate(guards, begin):
@@ -581,10 +577,10 @@ class RunColumns:
             after=np.zeros((1, n, s)),
             slopes=np.zeros((1, 2, n)),
             instants=np.zeros((1, s)),
-            margins=np.zeros((1, 4)),
+            margins=np.zeros((1, 3)),
             switch_rates=np.zeros((1, s)),
         )
-        self._binding.call(propagate_columns, self._block, alone, 0, -1)
+        self._binding.call(propagate_columns, self._block, alone, 0)
         return alone.after[0], alone.instants[0], end, mode_after
 
     def _end_chatter(self, path: ColumnPath, kinds: NDArray[Any]) -> None:
@@ -618,7 +614,7 @@ class RunColumns:
         At the depth rate^2/(2 change) beyond a graze the instant changes as the square root of the
         margin. It is unknown where the error of the margin exceeds the depth.
         """
-        _, rates, changes, errors = path.margins.T
+        rates, changes, errors = path.margins.T
         errors = ERRORS_OF_RUNS * errors
         with np.errstate(divide="ignore", invalid="ignore"):
             depths = np.where(changes > 0.0, rates**2 / (2.0 * changes), np.inf)
