@@ -93,7 +93,7 @@ from .analysis.manifold import manifold as manifold
 from .analysis.orbit import Orbit as Orbit
 from .analysis.run import Run as Run
 from .analysis.run_derivatives import RunDerivatives as RunDerivatives
-from .analysis.run_derivatives import value_and_jacobian as value_and_jacobian
+from .analysis.run_function import value_and_jacobian as value_and_jacobian
 from .analysis.settling import Settling as Settling
 from .analysis.sliding_type import SlidingType as SlidingType
 from .analysis.special_points import GrazingType as GrazingType
@@ -155,6 +155,7 @@ from .studies.basins import basins as basins
 from .studies.bifurcation_diagram import BifurcationDiagram as BifurcationDiagram
 from .studies.bifurcation_diagram import bifurcation_diagram as bifurcation_diagram
 from .studies.engine.store import StoredStudy as StoredStudy
+from .studies.jax_function import jax_function as jax_function
 from .studies.operating_map import OperatingMap as OperatingMap
 from .studies.operating_map import operating_map as operating_map
 from .studies.optimize import Optimum as Optimum

@@ -13,21 +13,19 @@ import numpy as np
 from mems_impact import tables as run_tables
 from mems_impact._util.arrays import Floats
 from mems_impact.analysis.run import Run
-from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import InvalidParameter, TransientWarning
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.event_loop.workspace import SECTION_CROSSING
 from mems_impact.hybrid.variational.run_columns import Columns, Quantities, RunColumns
 from mems_impact.orbits.family import Family, ParameterPoint
-from mems_impact.systems.base import HybridSystem, system_at
-from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.base import system_at
 from mems_impact.systems.statistics import LazyStatistics
 from mems_impact.systems.window_statistics import TimeWindow
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["RunDerivatives", "derivatives_of", "value_and_jacobian"]
+__all__ = ["INITIAL", "RunDerivatives", "derivatives_of"]
 
 INITIAL = "x0."  # before the name of a state, for its initial value
 LOOSER = 10.0  # ratio of tolerances whose difference shows the error
@@ -381,64 +379,3 @@ def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
         quantities.period_rates[c] = point.period_rates[k] / scales[c]
         quantities.switch_rates[c] = point.switch_rates[k] / scales[c]
     return RunDerivatives(run, names, family, quantities, scales)
-
-
-@takes_system(start="initial", recurrent=False)
-def value_and_jacobian(
-    system: HybridSystem,
-    /,
-    function: Callable[[Run], Any],
-    parameters: Sequence[str],
-    **arguments: Any,
-) -> Callable[[Any], tuple[Any, Floats]]:
-    """Return a function of parameters that simulates a system, with exact derivatives.
-
-    Parameters
-    ----------
-    system : System, or Actuator and Drive
-    function : callable
-        ``function(run)``, one number or m numbers, such as differences from a record.
-    parameters : sequence of str
-        Parameters of the system, and initial states: ``"x0.x"`` is the initial value of x.
-    **arguments
-        Arguments of `simulate`.
-
-    Returns
-    -------
-    callable
-        Of s values of the parameters; it returns the value of `function` and its derivatives,
-        shape (s,), or (m, s) for m numbers.
-
-    See Also
-    --------
-    RunDerivatives, simulate, sensitivity
-
-    Examples
-    --------
-    The speed at which a ball must start to reach x = 3 m after 0.5 s:
-
-    >>> import mems_impact as mi
-    >>> from scipy import optimize
-    >>> ball = mi.System(
-    ...     states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -p.g), parameters={"g": 9.8},
-    ... )
-    >>> miss = mi.value_and_jacobian(
-    ...     ball, lambda run: (run.final.x - 3.0) ** 2, ["x0.v"], duration=0.5
-    ... )
-    >>> found = optimize.minimize(miss, [1.0], jac=True)
-    >>> found.x.round(6).tolist()
-    [8.45]
-    """
-    given = dict(arguments.pop("initial", None) or {})
-
-    def evaluate(values: Any) -> tuple[Any, Floats]:
-        chosen = dict(zip(parameters, np.atleast_1d(values).tolist(), strict=True))
-        inner = {name: value for name, value in chosen.items() if not name.startswith(INITIAL)}
-        starts = {name.removeprefix(INITIAL): chosen[name] for name in chosen.keys() - inner.keys()}
-        initial = {**given, **starts} or None
-        run = simulate(system.changed(**inner), initial=initial, **arguments)
-        value = np.asarray(function(run), dtype=float)
-        jacobian = derivatives_of(run, parameters).jacobian(function)
-        return (float(value), jacobian[0]) if value.ndim == 0 else (value, jacobian)
-
-    return evaluate

@@ -89,6 +89,7 @@ def runs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     assert_type(run.verify(), mi.Verification)
     assert_type(run.derivatives(["e"]), mi.RunDerivatives)
     mi.value_and_jacobian(run.system, lambda each: each.final.x, ["e"], duration=1.0)
+    mi.jax_function(run.system, lambda each: each.final.x, ["e"], duration=1.0)
     assert_type(run.settling, mi.Settling)
     assert_type(mi.steady_state(run), mi.Run)
     assert_type(run.blow_statistics, mi.BlowStatistics)
