@@ -24,6 +24,7 @@ PICTURES = {  # where they are not run, orbit, branch
     "contact_switch": {"landing"},
     "electrodes": {"pull_in"},
     "gap_closing_actuator": {"times"},
+    "impact_damper": {"integral", "run"},
     "operating_map": {"motions", "speed"},
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},
