@@ -60,7 +60,7 @@ def integral(run):
 # corner or a jump, and the derivative is that of one side.
 
 over_clearance = mi.value_and_jacobian(damped, integral, ["g"], duration=END, options=EXACT)
-clearances = np.linspace(1.3, 3.8, 401)
+clearances = np.linspace(1.3, 3.6, 401)
 values, slopes = map(np.array, zip(*(over_clearance([g]) for g in clearances), strict=True))
 figure = Figure(figsize=(6.4, 4.0), layout="constrained")
 axes = figure.subplots()
