@@ -153,7 +153,7 @@ from .studies.attractor_continuation import continue_attractors as continue_attr
 from .studies.basins import Basins as Basins
 from .studies.basins import basins as basins
 from .studies.bifurcation_diagram import BifurcationDiagram as BifurcationDiagram
-from .studies.bifurcation_diagram import bifurcation_diagram as bifurcation_diagram
+from .studies.diagram_construction import bifurcation_diagram as bifurcation_diagram
 from .studies.engine.store import StoredStudy as StoredStudy
 from .studies.jax_function import jax_function as jax_function
 from .studies.operating_map import OperatingMap as OperatingMap

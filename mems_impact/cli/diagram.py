@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 SHOWN_SPECIAL_POINTS = 10
 
-FUNCTION = "mems_impact.studies.bifurcation_diagram:bifurcation_diagram"
+FUNCTION = "mems_impact.studies.diagram_construction:bifurcation_diagram"
 
 
 @click.command(cls=Command, short_help="Compute a bifurcation diagram.")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.studies import bifurcation_diagram as construction
+from mems_impact.studies import diagram_construction as construction
 
 PLAIN = mi.Options(method="dop853", rtol=1e-10, atol=1e-12)
 SHORT = mi.RecurrenceOptions(transient=40, periods=10, exponents="none", chaos_persistence=1.0)

@@ -8,7 +8,7 @@ from scipy import stats
 
 import mems_impact as mi
 from mems_impact.actuator import results
-from mems_impact.studies.bifurcation_diagram import attractor_table
+from mems_impact.studies.attractor_search import attractor_table
 
 PLAIN = mi.Options(method="dop853", engine="interpreted")
 FAST = mi.Options(method="dop853")
