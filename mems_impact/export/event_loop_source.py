@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.export.c_source import (
+from mems_impact.export.c_expressions import ExpressionWriter
+from mems_impact.export.c_kinds import (
     BOOLEAN,
     INTEGER,
     NOTHING,
     REAL,
     Array,
-    CSource,
     Expression,
-    FunctionWriter,
     Record,
     Tuple,
 )
+from mems_impact.export.c_source import CSource
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop import flights, loop, workspace
 from mems_impact.hybrid.event_loop.chatter import (
@@ -278,7 +278,7 @@ resolve_imported_instant = FunctionType(
 def _call(name: str, kind: Any = NOTHING) -> Any:
     """Return a handler that calls a C function with the arguments as they stand."""
 
-    def handler(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+    def handler(writer: ExpressionWriter, arguments: Sequence[Expression]) -> Expression:
         codes = (writer.runtime(each).code for each in arguments)
         return Expression(kind, f"{name}({', '.join(codes)})")
 
@@ -288,7 +288,7 @@ def _call(name: str, kind: Any = NOTHING) -> Any:
 def _code(pattern: str, kind: Any = NOTHING) -> Any:
     """Return a handler with a C expression of the arguments."""
 
-    def handler(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+    def handler(writer: ExpressionWriter, arguments: Sequence[Expression]) -> Expression:
         codes = [writer.runtime(each).code for each in arguments]
         return Expression(kind, pattern.format(*codes))
 
@@ -298,7 +298,7 @@ def _code(pattern: str, kind: Any = NOTHING) -> Any:
 def _function(function: Any) -> Any:
     """Return a handler that calls another Python function, translated."""
 
-    def handler(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+    def handler(writer: ExpressionWriter, arguments: Sequence[Expression]) -> Expression:
         return writer.user_call(function, arguments, {}, writer.node)
 
     return handler
@@ -307,16 +307,16 @@ def _function(function: Any) -> Any:
 RATED = Tuple((REAL, REAL), ("value", "rate"))
 
 
-def _with_rate(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+def _with_rate(writer: ExpressionWriter, arguments: Sequence[Expression]) -> Expression:
     return Expression(RATED, "", tuple(map(writer.runtime, arguments[:2])))
 
 
-def _with_rates(_writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+def _with_rates(_writer: ExpressionWriter, arguments: Sequence[Expression]) -> Expression:
     kinds = tuple(each.kind for each in arguments)
     return Expression(Tuple(kinds, ("values", "rates", "memory")), "", tuple(arguments))
 
 
-def _after(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+def _after(writer: ExpressionWriter, arguments: Sequence[Expression]) -> Expression:
     given, time = arguments
     items = [writer.item(given, i) for i in range(len(given.kind.items))]
     if given.kind == RATED:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from mems_impact._util.limits import BOUND_RTOL
-from mems_impact.export.c_source import INTEGER, REAL, Array, CSource, Tuple, literal
+from mems_impact.export.c_kinds import INTEGER, REAL, Array, Tuple, literal
+from mems_impact.export.c_source import CSource
 from mems_impact.export.event_loop_source import ENGINE, LOOP, event_loop_source, record_structure
 from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.definition import RATE_STEP

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.export.c_source import INTEGER, REAL, Array, CSource
+from mems_impact.export.c_kinds import INTEGER, REAL, Array
+from mems_impact.export.c_source import CSource
 from mems_impact.export.event_loop_source import HANDLERS
 from mems_impact.export.fmu import FLAGS, find_compiler
 from tests.actuator.waveforms import DRIVES

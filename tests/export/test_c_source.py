@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.export.c_source import BOOLEAN, INTEGER, REAL, Array, CSource, source_of
+from mems_impact.export.c_kinds import BOOLEAN, INTEGER, REAL, Array
+from mems_impact.export.c_source import CSource
 from mems_impact.export.fmu import find_compiler
+from mems_impact.export.function_text import source_of
 
 needs_compiler = pytest.mark.skipif(not find_compiler(), reason="no C compiler")
 NODES = (0.5, -0.25, 2.0)
@@ -390,7 +392,7 @@ def test_conditions_on_constants_are_decided():
 
 
 def source_kind(value):
-    from mems_impact.export.c_source import Fixed
+    from mems_impact.export.c_kinds import Fixed
 
     return Fixed(value)
 

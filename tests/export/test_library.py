@@ -8,7 +8,8 @@ import subprocess
 import pytest
 
 import mems_impact as mi
-from mems_impact.export.c_source import INTEGER, REAL, CSource
+from mems_impact.export.c_kinds import INTEGER, REAL
+from mems_impact.export.c_source import CSource
 from mems_impact.export.fmu import find_compiler
 
 TEMPLATES = mi.__path__[0] + "/export/templates"
