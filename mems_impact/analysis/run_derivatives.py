@@ -12,7 +12,6 @@ import numpy as np
 
 from mems_impact import tables as run_tables
 from mems_impact._util.arrays import Floats
-from mems_impact.analysis.run import Run
 from mems_impact.errors import InvalidParameter, TransientWarning
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.event_loop.workspace import SECTION_CROSSING
@@ -24,6 +23,8 @@ from mems_impact.systems.window_statistics import TimeWindow
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from mems_impact.analysis.run import Run
 
 __all__ = ["INITIAL", "RunDerivatives", "derivatives_of"]
 

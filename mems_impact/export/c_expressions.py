@@ -47,7 +47,7 @@ from mems_impact.export.c_kinds import (
 from mems_impact.export.function_text import source_of
 from mems_impact.integrators import library
 
-__all__ = ["CFunction", "Functions", "Handler", "Iterable"]
+__all__ = ["CFunction", "Handler", "Iterable", "TranslatedFunctions"]
 
 Handler = Callable[["ExpressionWriter", Sequence[Expression]], Expression]
 
@@ -63,7 +63,7 @@ class CFunction:
     signature: str = ""
 
 
-class Functions(Protocol):
+class TranslatedFunctions(Protocol):
     """Functions translated so far, their tables, and functions with C expressions of their own."""
 
     handlers: dict[Any, Handler]
@@ -92,7 +92,7 @@ class Iterable:
 class ExpressionWriter:
     """Translates expressions of one function for arguments of given kinds."""
 
-    def __init__(self, source: Functions, function: Any, kinds: Sequence[Kind]) -> None:
+    def __init__(self, source: TranslatedFunctions, function: Any, kinds: Sequence[Kind]) -> None:
         if not isinstance(function, FunctionType):
             raise FunctionError(
                 f"{function!r}", "cannot be translated to C", "give a plain Python function"
