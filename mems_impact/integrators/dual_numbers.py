@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact.integrators import library
 from mems_impact.integrators.derivatives import (
     BINARY,
+    EXPRESSIONS,
     PIECEWISE_CONSTANT,
     UNARY,
     digamma,
@@ -68,9 +69,9 @@ class Dual:
 
     def __abs__(self) -> Dual:
         number = plain(self)
-        return (
-            self if number > 0.0 else -self if number < 0.0 else _chain(abs(self.value), 0.0, self)
-        )
+        if number > 0.0 or number < 0.0:
+            return self if number > 0.0 else -self
+        return _chain(abs(self.value), 0.0 * self.value, self)  # NaN of NaN
 
     def __bool__(self) -> bool:
         return bool(plain(self))
@@ -166,7 +167,7 @@ def _rule(source: str) -> Callable[..., Any]:
         function = of_duals if isinstance(numbers[-1], Dual) else of_reals
         try:
             return function(*numbers)
-        except ZeroDivisionError:
+        except (ArithmeticError, ValueError):
             with np.errstate(all="ignore"):
                 return of_duals(*map(_of_numpy, numbers))
 
@@ -226,16 +227,36 @@ def _raised(x: Any, y: Any) -> Any:
     return _power(x, y)
 
 
+def _with_numpy(functions: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
+    """Yield functions of `math` and NumPy, with those that compute their values."""
+    for function in functions:
+        for each in (function, of_numpy(function)):
+            if isinstance(each, np.ufunc):
+                yield each, lambda *numbers, of=each: of(*numbers).item()
+            elif each is not None:
+                yield each, each
+
+
 _OF_MATH: dict[Any, Callable[..., Any]] = {
-    **{function: _unary(function, rule) for function, rule in UNARY.items()},
-    **{function: _binary(function, *rules) for function, rules in BINARY.items()},
-    **{function: lambda x, of=function: of(plain(x)) for function in PIECEWISE_CONSTANT},
+    **{each: _unary(of, UNARY[key]) for key in UNARY for each, of in _with_numpy([key])},
+    **{each: _binary(of, *BINARY[key]) for key in BINARY for each, of in _with_numpy([key])},
+    **{each: lambda x, of=of: of(plain(x)) for each, of in _with_numpy(PIECEWISE_CONSTANT)},
     math.fabs: abs,
     math.pow: _power,
-    math.ldexp: lambda x, i: x * 2.0**i if isinstance(x, Dual) else math.ldexp(x, i),
+    **dict.fromkeys(
+        (math.ldexp, np.ldexp), lambda x, i: x * 2.0**i if isinstance(x, Dual) else math.ldexp(x, i)
+    ),
 }
 _GENERIC.update((function.__name__, dual) for function, dual in _OF_MATH.items())
-_GENERIC["sqrt"] = lambda x: _OF_MATH[math.sqrt](x) if isinstance(x, Dual) else np.sqrt(x)
+
+
+def _of_reals_and_duals(of_reals: Any, of_duals: Any) -> Callable[[Any], Any]:
+    return lambda x: (of_duals if isinstance(x, Dual) else of_reals)(x)
+
+
+for _each in UNARY:  # infinite at a pole, in place of an exception
+    if (_ufunc := of_numpy(_each)) is not None:
+        _GENERIC[_each.__name__] = _of_reals_and_duals(_ufunc, _OF_MATH[_each])
 
 
 def _typed(x: Any) -> Any:
@@ -246,19 +267,14 @@ def _typed(x: Any) -> Any:
 
 
 FUNCTIONS: dict[Any, Callable[..., Any]] = {
-    **{of_numpy(function): dual for function, dual in _OF_MATH.items() if of_numpy(function)},
     **_OF_MATH,
-    np.absolute: abs,
-    np.maximum: max,
-    np.minimum: min,
-    np.square: lambda x: x * x,
-    np.sign: lambda x: np.sign(plain(x)),
-    np.rint: lambda x: np.rint(plain(x)),
+    **{each: eval(f"lambda x, y=None: {of}", _GENERIC) for each, of in EXPRESSIONS.items()},
     np.clip: lambda x, low, high: min(max(x, low), high),
     float: lambda x: x if isinstance(x, Dual) else float(x),
     type: lambda x: type(_typed(x)),
     hasattr: lambda x, name: hasattr(_typed(x), name),
 }
+FUNCTIONS[np.float64] = FUNCTIONS[float]
 """Functions that take numbers with tangents, by those of Python and NumPy."""
 
 REALS = (float, int)

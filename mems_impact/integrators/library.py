@@ -66,9 +66,9 @@ def isclose(a, b, *, rel_tol=1e-09, abs_tol=0.0):
 
 def cbrt(x):
     """Return the cube root. That of numba 0.63 loses the sign of zero, and digits."""
-    root = np.cbrt(x)
+    root = -np.cbrt(-x) if math.copysign(1.0, x) < 0.0 else np.cbrt(x)
     if x == 0.0 or not math.isfinite(x):
-        return 1.0 * x
+        return root
     return root - (root - x / (root * root)) / 3.0
 
 
@@ -95,7 +95,7 @@ def modf(x):
 
 def remainder(x, y):
     """Return the remainder after the nearest multiple."""
-    if math.isinf(y) and math.isfinite(x):
+    if (math.isinf(y) and math.isfinite(x)) or (x == 0.0 and abs(y) > 0.0):
         return float(x)
     size, divisor = abs(x), abs(y)
     rest = np.fmod(size, divisor)
@@ -281,6 +281,10 @@ def sum(values, start=0):
 
 
 FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    np.float64: float,
+    np.int64: int,
+    np.bool_: bool,
+    np.divmod: divmod,
     np.floor_divide: floor_divide,
     np.mod: modulo,
     np.remainder: modulo,

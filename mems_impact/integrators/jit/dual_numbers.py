@@ -30,6 +30,7 @@ from numba.extending import intrinsic, models, overload, overload_attribute, reg
 
 from mems_impact.integrators.derivatives import (
     BINARY,
+    EXPRESSIONS,
     PIECEWISE_CONSTANT,
     UNARY,
     digamma,
@@ -300,18 +301,6 @@ def _operation(function: Any, count: int, emit: Emit, result: Any = None) -> Non
         lower_builtin(function, *kinds)(lower)
 
 
-def _choose(relation: str) -> Emit:
-    """Return the code of min or max, which take the first of equal operands, as Python does."""
-
-    def emit(builder: Any, first: Any, *others: Any) -> Any:
-        for other in others:
-            replaces = builder.fcmp_ordered(relation, _innermost(other), _innermost(first))
-            first = _select(builder, replaces, other, first)
-        return first
-
-    return emit
-
-
 def _compare(relation: str, ordered: bool = True) -> Emit:
     def emit(builder: Any, x: Any, y: Any) -> Any:
         compare = builder.fcmp_ordered if ordered else builder.fcmp_unordered
@@ -328,11 +317,36 @@ for _name, _emit in {
 for _name, _relation in {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "=="}.items():
     _operation(getattr(operator, _name), 2, _compare(_relation), types.boolean)
 _operation(operator.ne, 2, _compare("!=", ordered=False), types.boolean)
-for _count in (2, 3, 4):
-    _operation(min, _count, _choose("<"))
-    _operation(max, _count, _choose(">"))
 _operation(operator.neg, 1, _negative)
 _operation(operator.pos, 1, lambda _builder, x: x)
+
+
+def _choice(function: Any, relation: str) -> None:
+    """Define min or max, which take the first of equal numbers, as Python does."""
+
+    @infer_global(function)
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            kind = None if kws or len(args) < 2 else _common(args)
+            return kind and signature(kind, *[kind] * len(args))
+
+    @lower_builtin(function, types.VarArg(DualType))
+    def lower(context: Any, builder: Any, kinds: Any, numbers: Any) -> Any:
+        first, *others = (_parts(context, builder, kinds.return_type, each) for each in numbers)
+        for other in others:
+            replaces = builder.fcmp_ordered(relation, _innermost(other), _innermost(first))
+            first = _select(builder, replaces, other, first)
+        return _packed(context, builder, kinds.return_type, first)
+
+    @overload(function, **_OPTIONS)
+    def of_tuple(values):  # type: ignore[no-untyped-def]
+        if isinstance(values, types.BaseTuple) and _common(values.types) is not None:
+            return lambda values: function(*values)
+        return None
+
+
+_choice(min, "<")
+_choice(max, ">")
 
 # --- Elementary functions
 
@@ -451,32 +465,40 @@ def _of_value(function: Any) -> None:
         return (lambda x: function(value_of(x))) if isinstance(x, DualType) else None
 
 
-@overload(math.ldexp, **_OPTIONS)
-def _ldexp(x, i):  # type: ignore[no-untyped-def]
-    if not isinstance(x, DualType):
-        return None
-    return lambda x, i: of_one(x, math.ldexp(value_of(x), i), math.ldexp(1.0, i))
+for _each in (math.ldexp, np.ldexp):
+
+    @overload(_each, **_OPTIONS)
+    def _ldexp(x, i):  # type: ignore[no-untyped-def]
+        if not isinstance(x, DualType):
+            return None
+        return lambda x, i: of_one(x, math.ldexp(value_of(x), i), math.ldexp(1.0, i))
 
 
-for _each in (*PIECEWISE_CONSTANT, int, bool, round, np.sign, np.rint):
-    _of_value(_each)
-for _known in PIECEWISE_CONSTANT:
-    _of_value(of_numpy(_known))
+for _each in (*PIECEWISE_CONSTANT, *map(of_numpy, PIECEWISE_CONSTANT), int, bool, round):
+    if _each is not None:
+        _of_value(_each)
 
 
 def _absolute(x):  # type: ignore[no-untyped-def]
     v = value_of(x)
-    return of_one(x, abs(v), 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0))
+    return of_one(x, abs(v), 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0 * v))
 
 
 def _floor_quotient(x, y):  # type: ignore[no-untyped-def]
     return value_of(x) // value_of(y)
 
 
-def _stand_for(function: Any, count: int, other: Any) -> None:
-    """Define a function of NumPy as a builtin function."""
-    names = ", ".join("xyz"[:count])
-    rule = _defined(f"def rule({names}):\n return other({names})", other=other)
+for _each in (abs, math.fabs):
+
+    @overload(_each, **_OPTIONS)
+    def _size(x):  # type: ignore[no-untyped-def]
+        return _absolute if isinstance(x, DualType) else None
+
+
+def _expressed(function: Any, expression: str) -> None:
+    """Define a function of NumPy by an expression."""
+    names = ", ".join("xyz"[: function.nin])
+    rule = _defined(f"def rule({names}):\n return {expression}")
 
     def typed(*kinds: Any) -> Any:
         return rule if _common(kinds) is not None else None
@@ -484,14 +506,8 @@ def _stand_for(function: Any, count: int, other: Any) -> None:
     overload(function, **_OPTIONS)(_defined(f"rule = lambda {names}: typed({names})", typed=typed))
 
 
-_stand_for(np.maximum, 2, max)
-_stand_for(np.minimum, 2, min)
-_stand_for(np.square, 1, _defined("rule = lambda x: x * x"))
-for _each in (abs, math.fabs, np.absolute, np.fabs):
-
-    @overload(_each, **_OPTIONS)
-    def _size(x):  # type: ignore[no-untyped-def]
-        return _absolute if isinstance(x, DualType) else None
+for _each, _expression in EXPRESSIONS.items():
+    _expressed(_each, _expression)
 
 
 for _each in (operator.floordiv, operator.ifloordiv):
