@@ -76,10 +76,10 @@ from .actuator.terms.tilted_plate import TiltedPlate as TiltedPlate
 from .analysis.attractor import RecurrenceOptions as RecurrenceOptions
 from .analysis.boundary_equilibrium_type import BoundaryType as BoundaryType
 from .analysis.branch import Branch as Branch
-from .analysis.branch import Curve as Curve
-from .analysis.branch import continue_curve as continue_curve
 from .analysis.branch import continue_solution as continue_solution
 from .analysis.branch import switch_branch as switch_branch
+from .analysis.curve import Curve as Curve
+from .analysis.curve import continue_curve as continue_curve
 from .analysis.edge_state import EdgeState as EdgeState
 from .analysis.edge_state import edge_state as edge_state
 from .analysis.equilibrium import Equilibrium as Equilibrium

@@ -20,7 +20,7 @@ PICTURES = {
     ("analysis.run", "Run"): "plot_run",
     ("analysis.orbit", "Orbit"): "plot_orbit",
     ("analysis.branch", "Branch"): "plot_branch",
-    ("analysis.branch", "Curve"): "plot_curve",
+    ("analysis.curve", "Curve"): "plot_curve",
     ("actuator.design.operating_chart", "OperatingChart"): "plot_chart",
     ("actuator.design.characteristics", "FrequencyResponse"): "plot_response",
     ("actuator.design.closing", "Closing"): "plot_closing",

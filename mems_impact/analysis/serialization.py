@@ -9,6 +9,7 @@ from typing import Any
 from mems_impact._util.units import Scales
 from mems_impact.analysis import (
     branch,
+    curve,
     edge_state,
     equilibrium,
     lyapunov,
@@ -19,7 +20,6 @@ from mems_impact.analysis import (
     special_points,
     verification,
 )
-from mems_impact.analysis import branch as curve
 from mems_impact.analysis.user_test_functions import EventFunction
 from mems_impact.continuation.branch import (
     BranchEvent,

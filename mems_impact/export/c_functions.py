@@ -10,12 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.export.c_kinds import (
-    BOOLEAN,
-    INTEGER,
-    REAL,
-    Scalar,
-)
+from mems_impact.export.c_kinds import BOOLEAN, INTEGER, REAL, Scalar
 
 __all__ = [
     "BINARY",

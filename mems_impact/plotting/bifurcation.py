@@ -40,7 +40,7 @@ from mems_impact.plotting.style import (
 from mems_impact.tables import NUMBER, PERIOD, impact_changes, sweep_summary, without_units
 
 if TYPE_CHECKING:
-    from mems_impact.analysis.branch import Curve
+    from mems_impact.analysis.curve import Curve
     from mems_impact.studies.bifurcation_diagram import BifurcationDiagram
     from mems_impact.studies.engine.store import StoredStudy
     from mems_impact.studies.sweep import Sweep

@@ -22,19 +22,12 @@ from mems_impact.analysis.attractor import (
     span_of,
 )
 from mems_impact.analysis.simulate import simulate
-from mems_impact.errors import (
-    MemsImpactError,
-    ScaleWarning,
-)
+from mems_impact.errors import MemsImpactError, ScaleWarning
 from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State, state_from
-from mems_impact.systems.statistics import (
-    FAILED,
-    RESTING,
-    UNSETTLED,
-)
+from mems_impact.systems.statistics import FAILED, RESTING, UNSETTLED
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,18 +11,11 @@ import numpy as np
 
 from mems_impact import tables as diagram_tables
 from mems_impact._util.arrays import Floats
-from mems_impact.analysis.attractor import (
-    SAME_ATTRACTOR_RTOL,
-)
-from mems_impact.analysis.branch import (
-    Branch,
-    no_orbits,
-)
+from mems_impact.analysis.attractor import SAME_ATTRACTOR_RTOL
+from mems_impact.analysis.branch import Branch, no_orbits
 from mems_impact.analysis.special_points import SpecialPoint
 from mems_impact.continuation.arclength import CLOSED
-from mems_impact.continuation.orbit_identity import (
-    same_orbit,
-)
+from mems_impact.continuation.orbit_identity import same_orbit
 from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.studies.attractor_search import BRANCH
 from mems_impact.systems.base import HybridSystem

@@ -15,19 +15,14 @@ import numpy as np
 from mems_impact import tables as diagram_tables
 from mems_impact._util.progress import Report, progress_bar
 from mems_impact._util.warning_scopes import collected_warnings
-from mems_impact.analysis.attractor import (
-    STUDY_OPTIONS,
-    Attractor,
-    RecurrenceOptions,
-    span_of,
-)
+from mems_impact.analysis.attractor import STUDY_OPTIONS, Attractor, RecurrenceOptions, span_of
 from mems_impact.analysis.branch import (
     BRANCH_STEPS,
-    checked_range,
     continue_solution,
     joined_branch,
     switch_branch,
 )
+from mems_impact.analysis.continuation_range import checked_range
 from mems_impact.analysis.equilibrium import Equilibrium, checked_box, find_equilibria
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, Orbit, find_orbit, orbit_of
 from mems_impact.continuation.arclength import CLOSED, StepControl
@@ -39,12 +34,7 @@ from mems_impact.continuation.orbit_identity import (
     up_to_cover,
 )
 from mems_impact.continuation.test_functions import VANISHING_LENGTH, FoldTest
-from mems_impact.errors import (
-    Interrupted,
-    InvalidFile,
-    InvalidParameter,
-    MemsImpactError,
-)
+from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter, MemsImpactError
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.orbit_search import find_cycle, find_periodic_orbit
 from mems_impact.studies.attractor_search import (
@@ -73,13 +63,7 @@ from mems_impact.systems.serialization.identity import (
     identity_of_state,
 )
 from mems_impact.systems.state import State, state_from, whole
-from mems_impact.systems.statistics import (
-    CHAOTIC,
-    OFF,
-    PERIODIC,
-    QUASI_PERIODIC,
-    RESTING,
-)
+from mems_impact.systems.statistics import CHAOTIC, OFF, PERIODIC, QUASI_PERIODIC, RESTING
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -38,7 +38,8 @@ from mems_impact.analysis.attractor import (
     RecurrenceOptions,
     map_attractors,
 )
-from mems_impact.analysis.branch import continue_solution, curve_of
+from mems_impact.analysis.branch import continue_solution
+from mems_impact.analysis.curve import curve_of
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, find_orbit
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.special_points import CodimensionTwo, GrazingType, SpecialPoint

@@ -1,0 +1,73 @@
+"""Ranges of the parameter of a continuation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.state import is_number
+
+if TYPE_CHECKING:
+    pass
+
+__all__ = [
+    "amount",
+    "check_bounds",
+    "check_value",
+    "checked_ends",
+    "checked_range",
+]
+
+
+def checked_ends(system: HybridSystem, parameter: str, stop: Any, back: Any) -> tuple[Any, Any]:
+    """Return the two arguments of a continuation as numbers, if they are texts with units."""
+    system.check_parameter(parameter)
+    ends = {"stop": stop, "back": back}
+    stop, back = (system.units.parse(parameter, value, name) for name, value in ends.items())
+    return stop, back
+
+
+def check_bounds(
+    system: HybridSystem, parameter: str, stop: float, back: Any
+) -> tuple[float, float]:
+    """Return the bounds of continuation; InvalidParameter if they leave no interval."""
+    system.checks.continuation(parameter)
+    current = system.parameters[parameter]
+    check_value(system, parameter, "stop", stop)
+    if stop == current:
+        allowed = f"another value than {amount(system, parameter, current)}, where the orbit is"
+        raise InvalidParameter("stop", stop, allowed)
+    if back is None:
+        back = current
+    check_value(system, parameter, "back", back)
+    if (back - current) * (stop - current) > 0.0:
+        allowed = f"{amount(system, parameter, current)}, or on the other side of it than stop"
+        raise InvalidParameter("back", back, allowed)
+    return (stop, back) if stop < back else (back, stop)
+
+
+def amount(system: HybridSystem, parameter: str, value: float) -> str:
+    """Return a value with its unit."""
+    return f"{value:g} {system.units.get(parameter, '')}".rstrip()
+
+
+def checked_range(
+    system: HybridSystem, parameter: str, bounds: tuple[float | str, float | str]
+) -> tuple[float, float]:
+    """Return the bounds of a parameter as numbers, the lower one first."""
+    if not isinstance(bounds, tuple | list) or len(bounds) != 2:
+        raise InvalidParameter("bounds", bounds, f"the lowest and the highest {parameter}")
+    low, high = (system.units.parse(parameter, each, "bounds") for each in bounds)
+    for value in (low, high):
+        check_value(system, parameter, "bounds", value)
+    if not low < high:
+        raise InvalidParameter("bounds", (low, high), "a lower and a higher number")
+    return float(low), float(high)
+
+
+def check_value(system: HybridSystem, parameter: str, field: str, value: Any) -> None:
+    """Raise InvalidParameter unless the system allows this value of the parameter."""
+    if not is_number(value):
+        raise InvalidParameter(field, value, f"a finite value of {parameter}")
+    system.changed(**{parameter: value})
