@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import is_number
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = [
     "amount",

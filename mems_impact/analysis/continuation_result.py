@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Generic
+from typing import Any, ClassVar, Generic
 
 from mems_impact.analysis.equilibrium import Equilibrium
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.solution import S, solution_of
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = [
     "ContinuationResult",
