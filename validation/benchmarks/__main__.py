@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -26,7 +27,7 @@ from validation.benchmarks import (
     threads,
     valve,
 )
-from validation.benchmarks.timing import Row, machine
+from validation.benchmarks.timing import Row, load, machine
 
 TOPICS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "callbacks": engines.against_python_callbacks,
@@ -51,24 +52,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m validation.benchmarks", description=__doc__)
     parser.add_argument("topics", nargs="*", help=f"some of: {', '.join(TOPICS)}; all by default")
     parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter runs")
-    parser.add_argument("--output", type=Path, default=Path("out/benchmarks"), metavar="DIR")
+    parser.add_argument("--output", type=Path, default=Path("out/benchmarks.csv"), metavar="FILE")
     arguments = parser.parse_args()
     unknown = set(arguments.topics) - set(TOPICS)
     if unknown:
         parser.error(f"no such topic: {', '.join(sorted(unknown))} (of {', '.join(TOPICS)})")
-    described = machine()
-    for name, value in described.items():
+    begin = time.time()
+    conditions = {"date": time.strftime("%Y-%m-%d"), **machine()}
+    conditions["settings"] = "quick" if arguments.quick else "full"
+    for name, value in conditions.items():
         print(f"{name}: {value}")
     rows: list[Row] = []
     for topic in arguments.topics or TOPICS:
         for row in TOPICS[topic](arguments.quick):
             print(report.line(row), flush=True)
             rows.append(row)
-    settings = "Quick settings." if arguments.quick else "Full settings."
-    table, page = report.write(rows, described, arguments.output, settings)
+    conditions["load at the end"] = load()
+    conditions["minutes"] = f"{(time.time() - begin) / 60.0:.0f}"
+    report.write(rows, conditions, arguments.output)
     missed = [row for row in rows if row.met == "NO"]
     print(f"{len(missed)} of {sum(bool(row.target) for row in rows)} targets missed")
-    print(f"wrote {table} and {page}")
+    print(f"wrote {arguments.output}")
 
 
 if __name__ == "__main__":

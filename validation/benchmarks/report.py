@@ -1,4 +1,4 @@
-"""The figures as a table on the screen, as CSV and as Markdown."""
+"""Rows of the benchmarks on the screen and as a CSV file, which the documentation shows."""
 
 from __future__ import annotations
 
@@ -17,41 +17,15 @@ def line(row: Row) -> str:
     return f"{row.topic:21} {row.case:29} {row.quantity:45} {row.value} {row.unit}{mark}"
 
 
-def write(
-    rows: Sequence[Row], machine: Mapping[str, str], directory: Path, settings: str
-) -> tuple[Path, Path]:
-    """Write ``benchmarks.csv`` and ``benchmarks.md``; their paths."""
-    directory.mkdir(parents=True, exist_ok=True)
-    table, page = directory / "benchmarks.csv", directory / "benchmarks.md"
-    with table.open("w", newline="") as file:
-        writer = csv.writer(file)
+def write(rows: Sequence[Row], conditions: Mapping[str, str], path: Path) -> None:
+    """Write the conditions and the rows."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
         writer.writerow(HEADER)
+        for name, value in conditions.items():
+            writer.writerow(("conditions", "", name, value, *[""] * 6))
         for row in rows:
-            value = row.value
-            writer.writerow(
-                [
-                    row.topic,
-                    row.case,
-                    row.quantity,
-                    value.median,
-                    value.low,
-                    value.high,
-                    row.unit,
-                    row.target,
-                    row.met,
-                    row.note,
-                ]
-            )
-    lines = ["# Benchmarks", "", f"Medians, with the extremes of all rounds. {settings}", ""]
-    lines += [f"- {name}: {value}" for name, value in machine.items()]
-    lines += [
-        "",
-        "| topic | case | quantity | median (min to max) | target | met | note |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for row in rows:
-        value = f"{row.value} {row.unit}".strip()
-        cells = (row.topic, row.case, row.quantity, value, row.target, row.met, row.note)
-        lines.append(f"| {' | '.join(cells)} |")
-    page.write_text("\n".join(lines) + "\n")
-    return table, page
+            numbers = [f"{x:.3g}" for x in (row.value.median, row.value.low, row.value.high)]
+            texts = (row.unit, row.target, row.met, row.note)
+            writer.writerow((row.topic, row.case, row.quantity, *numbers, *texts))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-PACKAGES = ("numpy", "numba", "scikit-sundae", "scipy", "heyoka")
+PACKAGES = ("mems_impact", "numpy", "numba", "scikit-sundae", "scipy", "heyoka")
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,10 @@ def machine() -> dict[str, str]:
         names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
         model = names[0] if names else model
     described = {"processor": model, "cores": str(cores), "system": platform.platform()}
-    if hasattr(os, "getloadavg"):
-        described["load at the start"] = f"{os.getloadavg()[0]:.2f}"
-    described["Python"] = platform.python_version()
+    described |= {"load at the start": load(), "Python": platform.python_version()}
     return described | {package: version(package) for package in PACKAGES}
+
+
+def load() -> str:
+    """The processes that run or wait for a core, on average over a minute."""
+    return f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "unknown"
