@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mems_impact.actuator.drives import Burst, Pulse, Square, Trapezoid, TwoSided
+from mems_impact.actuator.drives import Burst, Drive, Pulse, Sine, Square, Trapezoid, TwoSided
 from tests.actuator.waveforms import DRIVES, channels
 
 every = pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
@@ -201,3 +201,23 @@ def test_names_of_drives_within():
     assert burst.varied({"wave.omega": 0.7}).wave.omega == 0.7
     assert burst.unit("wave.omega") == "rad/s"
     assert DRIVES["custom"].varied({"amplitude": 1.0}).number("amplitude") == 1.0
+
+
+@pytest.mark.parametrize("shape", [(), (0,), (5,), (2, 3)])
+def test_value_of_a_sine_keeps_the_shape(shape):
+    sine = Sine(amplitude=0.24, omega=0.5, bias=0.1)
+    t = np.linspace(0, 3, math.prod(shape)).reshape(shape)
+    np.testing.assert_allclose(sine.value(t), 0.1 + 0.24 * np.cos(0.5 * t), rtol=1e-14)
+    assert sine.value(t).shape == shape
+    assert str(sine).startswith("Sine(amplitude=0.24, omega=0.5, ")
+    with pytest.raises(ValueError, match="frozen"):
+        sine.omega = 2.0
+
+
+def test_incomplete_waveform_cannot_be_made():
+    class Incomplete(Drive):
+        def parameters(self):
+            return np.empty(0)
+
+    with pytest.raises(TypeError, match=r"abstract.*\bvoltage\b"):
+        Incomplete()

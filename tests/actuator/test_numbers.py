@@ -4,31 +4,11 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact._util.units import DIMENSIONLESS
-from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.units import DeviceScales
 from mems_impact.orbits.family import Family
 
 SCALES = DeviceScales.of_device(m2=1.7e-9, k=1.3, d=2.1e-6, alpha=3.3e-18)
 ZHAO = mi.load_actuator("zhao2004")
-
-
-@pytest.mark.parametrize("bias", [0.0, 0.1])
-@pytest.mark.parametrize("scales", [DIMENSIONLESS, SCALES], ids=["dimensionless", "SI"])
-@pytest.mark.parametrize(
-    "changes",
-    [{}, {"omega": 0.513}, {"amplitude": 0.31, "phase": 0.3}],
-    ids=["as it is", "omega", "amplitude and phase"],
-)
-def test_a_sine_has_the_numbers_of_a_new_one(bias, scales, changes):
-    drive = mi.Sine(amplitude=0.24, omega=0.5, bias=bias)
-    changed = drive.varied(changes, checked=False)
-    if scales is not DIMENSIONLESS:
-        changed = changed.scaled(scales.unit("V"), scales.unit("s"))
-    numbers = drive.numbers(changes, scales)
-    np.testing.assert_array_equal(numbers.parameters, changed.parameters())
-    assert numbers[1:] == (changed.period, changed.switches, changed.time_scale)
-    assert type(drive).numbers is not Drive.numbers
 
 
 @pytest.mark.parametrize("device", [ZHAO, ZHAO.to_si(SCALES)], ids=["dimensionless", "SI"])

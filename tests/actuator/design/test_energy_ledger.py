@@ -28,6 +28,8 @@ SI = mi.Sine(amplitude=100, omega=2 * math.pi)
 CASES = {
     "terms": (LOADED, DRIVE, 8),
     "sliding": (ZHAO.replace(mu_s=0.02, mu_d=0.01), DRIVE, 8),
+    "frictionless": (ZHAO.replace(mu_s=0, mu_d=0), mi.Sine(amplitude=0.3, omega=0.5), 8),
+    "elastic": (ZHAO.replace(e=1.0), DRIVE, 16),
     "rest": (ZHAO, mi.Sine(amplitude=0.45, omega=0.1), 2),
     "switching, two electrodes": (ZHAO, BOTH, 8),
     "the real device": (MITA, SI, 1.2),
@@ -71,7 +73,8 @@ def test_the_balance_closes(name):
     found = mi.energy(run, 0.1, run.periods - 0.2)
     assert len(run.impacts) >= 2
     assert abs(found.imbalance) < 2e-8 * (abs(found.input) + found.lost)
-    assert (found.table["energy"][found.table["kind"] == "lost"] >= 0.0).all()
+    lost = found.table["energy"][found.table["kind"] == "lost"]
+    assert (lost >= -1e-12 * found.lost).all()
 
 
 @pytest.mark.nightly

@@ -1,5 +1,4 @@
 import math
-import pickle
 
 import pytest
 
@@ -59,35 +58,3 @@ def test_no_work_over_a_contact():
     final = run.final
     assert 0.5 * (final.v2**2 + final.x2**2) == pytest.approx(0.5, rel=1e-9)
     assert run.impacts["energy lost"].max() == 0.0
-
-
-def test_files_and_units(tmp_path):
-    mita = mi.load_actuator("mita2003")
-    device = mita.adding(mi.Adhesion(force=5e-6))
-    assert pickle.loads(pickle.dumps(device)) == device
-    inner = device.to_dimensionless().term("adhesion").force
-    assert inner == pytest.approx(5e-6 / (mita.k * mita.d), rel=1e-14)
-    lines = ['units = "SI"', "[parameters]"]
-    lines += [f"{name} = {value!r}" for name, value in dict(mita).items() if name != "units"]
-    (tmp_path / "device.toml").write_text("\n".join([*lines, "[adhesion]", "force = 5e-6"]))
-    assert mi.load_actuator(tmp_path / "device.toml") == device
-    run = mi.simulate(device, mi.Sine(amplitude=1.0, omega=100.0), duration=1e-3, options=PLAIN)
-    run.save(tmp_path / "run.mems")
-    assert mi.load(tmp_path / "run.mems").system.actuator == device
-
-
-@pytest.mark.nightly
-def test_a_sweep_over_the_force():
-    held = mi.Pulse(amplitude=0.45, period=60.0, width=20.0, low=0.3)
-    device = ZHAO.adding(mi.Adhesion(force=0.0))
-    sweep = mi.sweep(device, held, "adhesion.force", [0.0, 0.2], direction="up", transient=2,
-                     periods=1, options=PLAIN)  # fmt: skip
-    assert list(sweep.statistics["blows per period"]) == [1.0, 0.0]
-    rests = []
-    for force in (0.0, 0.2):
-        run = mi.simulate(device.changed(**{"adhesion.force": force}), held, periods=1,
-                          initial=mi.State(x2=0.5), options=PLAIN, window=(0, 1))  # fmt: skip
-        rests.append(run.statistics["share resting"])
-    # 0.3 V hold it with 0.36 + 0.2 > 0.5, and do not without.
-    assert rests[0] == pytest.approx(1.0 / 3.0, abs=0.01)
-    assert rests[1] == 1.0

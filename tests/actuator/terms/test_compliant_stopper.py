@@ -1,5 +1,4 @@
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ import mems_impact as mi
 from mems_impact.actuator.impact_statistics import contact_time
 from mems_impact.actuator.model import compose
 from mems_impact.actuator.terms import CompliantStopper
-from mems_impact.continuation.arclength import StepControl
 
 ZHAO = mi.load_actuator("zhao2004")
 SILENT = mi.Sine(amplitude=1e-9, omega=0.5)
@@ -237,76 +235,3 @@ def test_contact_time(exponent):
 
     exact = 2.0 * quad(slowness, 0.0, 1.0)[0]
     assert contact_time(soft, np.array([0.3, 0.0])) == pytest.approx([exact, 0.0], rel=1e-8)
-
-
-def test_units_files_and_pickles(tmp_path):
-    mita = mi.load_actuator("mita2003")
-    term = CompliantStopper(stiffness=2e5, exponent=1.5, damping=0.2, depth=1e-7)
-    file = tmp_path / "device.toml"
-    lines = ['units = "SI"', "[parameters]"]
-    lines += [f"{name} = {value!r}" for name, value in dict(mita).items() if name != "units"]
-    lines += ["[compliant_stopper]", "stiffness = 2e5", "exponent = 1.5", "damping = 0.2"]
-    file.write_text("\n".join([*lines, "depth = 1e-7"]))
-    soft = mi.load_actuator(file)
-    assert soft == mita.adding(term)
-    drive = mi.Sine(amplitude=100.0, omega=2.0 * math.pi * 100.0)
-    start = mi.State(v2=0.02)
-    options = mi.Options(engine="interpreted", method="dop853")
-    run = mi.simulate(soft, drive, periods=0.2, initial=start, options=options)
-    scales = mita.scales
-    inner = mi.simulate(
-        soft.to_dimensionless(),
-        mi.Sine(amplitude=100.0 / scales.unit("V"), omega=drive.omega * scales.unit("s")),
-        periods=0.2,
-        initial=mi.State(v2=0.02 / scales.unit("m/s")),
-        options=options,
-    )
-    assert len(run.impacts) == len(inner.impacts) > 0
-    assert run.final.x2 == pytest.approx(inner.final.x2 * scales.unit("m"), rel=1e-7)
-    lost = run.impacts["energy lost"].sum() / inner.impacts["energy lost"].sum()
-    assert lost == pytest.approx(scales.unit("J"), rel=1e-7)
-    again = pickle.loads(pickle.dumps(run))
-    assert again.impacts.equals(run.impacts)
-
-
-@pytest.mark.nightly
-def test_an_orbit_over_the_stiffness():
-    soft = ZHAO.adding(CompliantStopper(stiffness=1e5, damping=1.2))
-    hard = ZHAO.adding(CompliantStopper(stiffness=1.2e5, damping=1.2))
-    drive, options = mi.Sine(amplitude=0.24, omega=0.5), mi.Options(method="dop853")
-    runs = [mi.simulate(each, drive, periods=300, options=options) for each in (soft, hard)]
-    orbit, same = map(mi.find_orbit, runs)
-    assert orbit.stable
-    assert orbit.step > 1e-4
-    assert len(orbit.impacts) == len(orbit.impact_speeds) == 1
-    assert orbit.observables["energy lost"] == pytest.approx(
-        orbit.impacts["energy lost"].iloc[0], rel=1e-9
-    )
-    assert np.abs(orbit.multipliers) == pytest.approx(by_runs(soft, drive, orbit), abs=1e-5)
-    hertz = ZHAO.adding(CompliantStopper(stiffness=3e5, exponent=1.5, damping=1.2))
-    other = mi.find_orbit(mi.simulate(hertz, drive, periods=300, options=options))
-    assert len(other.impacts) == 1
-    assert np.abs(other.multipliers) == pytest.approx(by_runs(hertz, drive, other), abs=1e-5)
-    wide = StepControl(initial_step=5e3, max_step=1e4, min_step=1.0)  # of a parameter of that size
-    branch = mi.continue_solution(orbit, "compliant_stopper.stiffness", stop=1.2e5, steps=wide)
-    assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)
-    values = {"transient": 100, "periods": 2, "options": options, "direction": "up"}
-    sweep = mi.sweep(soft, drive, "compliant_stopper.stiffness", [1e5, 1.2e5], **values)
-    found = sweep.statistics["displacement per period"]
-    assert list(found) == pytest.approx([orbit.step, same.step], rel=1e-5)
-
-
-def by_runs(actuator, drive, orbit):
-    """Multipliers by central differences of runs over a period, the frame at rest at both ends."""
-    options = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
-    state, h, columns = orbit.state, 1e-6, []
-    for name in ("x2", "v2"):
-        ends = []
-        for sign in (1.0, -1.0):
-            start = mi.State(
-                **{"x2": state.x2, "v2": state.v2, name: getattr(state, name) + sign * h}
-            )
-            end = mi.simulate(actuator, drive, periods=1, initial=start, options=options).final
-            ends.append([end.x2, end.v2])
-        columns.append((np.array(ends[0]) - np.array(ends[1])) / (2.0 * h))
-    return np.sort(np.abs(np.linalg.eigvals(np.array(columns).T)))[::-1]

@@ -27,14 +27,3 @@ def test_free_oscillation(k3):
     assert abs(run.final["v2"]) < 1e-8
     half = run.samples(per_period=2)["x2"].to_numpy()
     assert np.allclose(half, amplitude * np.array([1.0, -1.0] * 3 + [1.0]), rtol=1e-8)
-
-
-def test_in_si_as_without_units():
-    device = mi.load_actuator("mita2003").adding(mi.CubicStiffness(k3=2e10))
-    drive = mi.Sine(amplitude=30.0, omega=600.0)
-    there = mi.simulate(device, drive, periods=2, options=SLOW)
-    scales = device.scales
-    inner = drive.scaled(scales.unit("V"), scales.unit("s"))
-    here = mi.simulate(device.to_dimensionless(), inner, periods=2, options=SLOW)
-    assert math.isclose(there.final["x2"], here.final["x2"] * scales.unit("m"), rel_tol=1e-9)
-    assert there.system.units["cubic_stiffness.k3"] == "N/m^3"

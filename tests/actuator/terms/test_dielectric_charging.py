@@ -1,7 +1,6 @@
 """Charge that creeps into the insulation, against closed forms."""
 
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -81,25 +80,6 @@ def test_beside_a_resistance():
     assert rest[1] == pytest.approx(share * volts, rel=1e-12)
 
 
-def test_units_file_and_pickle(tmp_path):
-    term = mi.DielectricCharging(share=0.1, time=60.0)
-    device = mi.load_actuator("mita2003").adding(term)
-    lines = [f"{name} = {value!r}" for name, value in device if name not in ("units", "terms")]
-    path = tmp_path / "device.toml"
-    table = "\n[dielectric_charging]\nshare = 0.1\ntime = 60.0\n"
-    path.write_text('units = "SI"\n[parameters]\n' + "\n".join(lines) + table)
-    assert mi.load_actuator(path) == device == pickle.loads(pickle.dumps(device))
-    inner = device.to_dimensionless().term("dielectric_charging")
-    assert inner.time == pytest.approx(60.0 * math.sqrt(device.k / device.m2), rel=1e-12)
-    drive = mi.Sine(amplitude=30.0, omega=1500.0, bias=5.0)
-    run = mi.simulate(device, drive, periods=1, options=INTERPRETED)
-    assert run.system.units.get("offset", "") == "V"
-    run.save(tmp_path / "run.zip")
-    again = mi.load(tmp_path / "run.zip")
-    assert again.final == run.final
-    assert again.actuator == device
-
-
 @pytest.mark.parametrize(
     ("values", "field"),
     [({"share": 1.1, "time": 1.0}, "share"), ({"share": 0.1, "time": 0.0}, "time")],
@@ -107,17 +87,3 @@ def test_units_file_and_pickle(tmp_path):
 def test_refuses_what_no_dielectric_does(values, field):
     with pytest.raises(mi.InvalidParameter, match=field):
         mi.DielectricCharging(**values)
-
-
-@pytest.mark.nightly
-def test_branch_over_the_share_ends_where_the_paper_is():
-    drive = mi.Sine(amplitude=0.24, omega=0.5)
-    device = ZHAO.adding(mi.DielectricCharging(share=0.1, time=3.0))
-    orbit = mi.find_orbit(mi.simulate(device, drive, periods=150))
-    branch = mi.continue_solution(orbit, "dielectric_charging.share", stop=0.0)
-    paper = mi.find_orbit(mi.simulate(ZHAO, drive, periods=300))
-    assert branch.orbits[-1].step == pytest.approx(2.0 * paper.step, rel=1e-6)
-    table = mi.sweep(
-        device, drive, "dielectric_charging.share", [0.0, 0.1], transient=50, periods=5
-    ).table
-    assert set(table["dielectric_charging.share"]) == {0.0, 0.1}

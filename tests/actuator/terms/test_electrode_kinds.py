@@ -363,23 +363,6 @@ def test_units_and_files(tmp_path):
         path.write_text(head + wrong)
         with pytest.raises(mi.InvalidParameter, match=message):
             mi.load_actuator(path)
-    # The same motion in SI as in dimensionless numbers.
-    for term in (table, COMB_SI, mi.TiltedPlate(angle=0.01, length=1e-4)):
-        own = MITA.adding(term)
-        scales = own.scales
-        volts, start = 20.0, mi.State(v2=0.5 * mi.kicked_state(own).v2)
-        run = mi.simulate(
-            own, mi.Sine(amplitude=volts, omega=900.0), 1, initial=start, options=FINE
-        )
-        inner = mi.simulate(
-            own.to_dimensionless(),
-            mi.Sine(amplitude=scales.into(volts, "V"), omega=scales.into(900.0, "rad/s")),
-            1, initial=mi.State(v2=scales.into(start.v2, "m/s")), options=FINE,
-        )  # fmt: skip
-        assert scales.into(run.final.x2, "m") == pytest.approx(inner.final.x2, abs=1e-10)
-        run.save(tmp_path / "run.zip")
-        assert mi.load(tmp_path / "run.zip").actuator == own
-        assert own.to_dimensionless().to_si(scales).term(term.name()).shape == term.shape
 
 
 def test_design_with_electrodes():

@@ -1,7 +1,6 @@
 """Friction by speed: Stribeck's, and the one that is smoothed about rest."""
 
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ import mems_impact as mi
 
 ZHAO = mi.load_actuator("zhao2004")
 SILENT = mi.Sine(amplitude=1e-9, omega=0.5)
-DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
 PRECISE = mi.Options(engine="interpreted", method="dop853", rtol=1e-11, atol=1e-13)
 STRIBECK = mi.StribeckFriction(speed=0.1, viscous=0.3)
 
@@ -116,59 +114,6 @@ def test_regularised_friction_comes_near_to_coulombs():
         assert not {"slip end", "break-away"} & set(run.events["event"]) or width == 1e-2
         away.append(abs(run.final.x1 - exact.final.x1))
     assert away[1] < 0.2 * away[0]
-
-
-def test_files_units_and_pickles(tmp_path):
-    mita = mi.load_actuator("mita2003")
-    lines = ['units = "SI"', "[parameters]"]
-    lines += [f"{name} = {value!r}" for name, value in dict(mita).items() if name != "units"]
-    lines += ["[stribeck_friction]", "speed = 1e-3", "viscous = 2.0"]
-    (tmp_path / "device.toml").write_text("\n".join(lines))
-    device = mi.load_actuator(tmp_path / "device.toml")
-    assert device == mita.adding(mi.StribeckFriction(speed=1e-3, viscous=2.0))
-    assert pickle.loads(pickle.dumps(device)) == device
-    with pytest.raises(mi.InvalidParameter, match="both determine the friction"):
-        device.adding(mi.RegularizedFriction(width=1e-3))
-    scales, start = mita.scales, 0.01
-    inner = device.to_dimensionless()
-    runs = [
-        mi.simulate(
-            each, drive, duration=time, initial=mi.State(x2=each.delta, v2=v), options=PRECISE
-        )
-        for each, drive, time, v in (
-            (device, mi.Sine(amplitude=1e-6, omega=10.0), 2e-3, start),
-            (inner, SILENT, 2e-3 / scales.unit("s"), start / scales.unit("m/s")),
-        )
-    ]
-    steps = [run.impacts["step"].iloc[0] for run in runs]
-    assert steps[0] == pytest.approx(steps[1] * scales.unit("m"), rel=1e-8)
-    runs[0].save(tmp_path / "run.mems")
-    assert mi.load(tmp_path / "run.mems").events.equals(runs[0].events)
-
-
-@pytest.mark.nightly
-def test_an_orbit_over_the_speed():
-    device = ZHAO.adding(mi.StribeckFriction(speed=0.02))
-    options = mi.Options(method="dop853")
-    orbit = mi.find_orbit(mi.simulate(device, DRIVE, periods=300, options=options))
-    other = ZHAO.adding(mi.StribeckFriction(speed=0.05))
-    same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, options=options))
-    branch = mi.continue_solution(orbit, "stribeck_friction.speed", stop=0.05)
-    assert orbit.step > same.step > 0.0
-    assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-8)
-    precise = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
-    columns, h = [], 1e-5
-    for which in ("x2", "v2"):
-        ends = []
-        for sign in (1.0, -1.0):
-            values = {"x2": orbit.state.x2, "v2": orbit.state.v2}
-            values[which] += sign * h
-            start = mi.State(**values)
-            final = mi.simulate(device, DRIVE, periods=1, initial=start, options=precise).final
-            ends.append([final.x2, final.v2])
-        columns.append((np.array(ends[0]) - np.array(ends[1])) / (2.0 * h))
-    expected = np.sort(np.abs(np.linalg.eigvals(np.array(columns).T)))
-    assert np.sort(np.abs(orbit.multipliers)) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("device", [ZHAO, mi.load_actuator("mita2003")], ids=["unit", "SI"])

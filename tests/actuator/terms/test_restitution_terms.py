@@ -1,8 +1,5 @@
 """Restitution by the speed of the impact: by a power law, and from a table."""
 
-import math
-import pickle
-
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
@@ -81,54 +78,3 @@ def test_a_sequence_of_impacts_ends_in_rest(term):
     assert ratios[-1] == pytest.approx(slow, rel=1e-5)
     assert "chatter ends" in set(run.events["event"])
     assert run.events["mode after"].iloc[-1] == "stuck-right"
-
-
-def test_files_units_and_pickles(tmp_path):
-    mita = mi.load_actuator("mita2003")
-    lines = ['units = "SI"', "[parameters]"]
-    lines += [f"{name} = {value!r}" for name, value in dict(mita).items() if name != "units"]
-    lines += ["[tabulated_restitution]", "speeds = [0.001, 0.01]", "values = [0.9, 0.5]"]
-    file = tmp_path / "device.toml"
-    file.write_text("\n".join(lines))
-    device = mi.load_actuator(file)
-    table = mi.TabulatedRestitution(speeds=(0.001, 0.01), values=(0.9, 0.5))
-    assert device == mita.adding(table)
-    assert pickle.loads(pickle.dumps(device)) == device
-    unit = mita.scales.unit("m/s")
-    inner = device.to_dimensionless().term("tabulated_restitution")
-    assert inner.speeds == pytest.approx((0.001 / unit, 0.01 / unit), rel=1e-15)
-    drive = mi.Sine(amplitude=100.0, omega=2.0 * math.pi)
-    start = mi.State(x2=mita.delta, v2=0.01)
-    run = mi.simulate(device, drive, duration=1e-6, initial=start, options=PLAIN)
-    hit = run.impacts.iloc[0]
-    assert -hit["v2 after"] / hit["v2 before"] == pytest.approx(0.5, rel=1e-12)
-    run.save(tmp_path / "run.mems")
-    assert mi.load(tmp_path / "run.mems").impacts.equals(run.impacts)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("term", [POWER, TABLE])
-def test_multipliers_see_the_slope(term):
-    device, name = ZHAO.adding(term), "e" if term is TABLE else "power_law_restitution.speed"
-    precise = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
-    run = mi.simulate(device, DRIVE, 300, initial=mi.kicked_state(ZHAO), options=precise)
-    orbit = mi.find_orbit(run, options=precise)
-    assert len(orbit.impacts) == 1
-    start, columns, h = orbit.state, [], 1e-5
-    for which in ("x2", "v2"):
-        ends = []
-        for sign in (1.0, -1.0):
-            values = {"x2": start.x2, "v2": start.v2}
-            values[which] += sign * h
-            initial = mi.State(**values)
-            run = mi.simulate(device, DRIVE, periods=1, initial=initial, options=precise)
-            ends.append([run.final.x2, run.final.v2])
-        columns.append((np.array(ends[0]) - np.array(ends[1])) / (2.0 * h))
-    expected = np.sort(np.abs(np.linalg.eigvals(np.array(columns).T)))
-    assert np.sort(np.abs(orbit.multipliers)) == pytest.approx(expected, abs=1e-6)
-    if term is POWER:
-        branch = mi.continue_solution(orbit, name, stop=0.4)
-        other = ZHAO.adding(mi.PowerLawRestitution(speed=0.4, exponent=0.25))
-        run = mi.simulate(other, DRIVE, 300, initial=mi.kicked_state(ZHAO), options=precise)
-        same = mi.find_orbit(run, options=precise)
-        assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)

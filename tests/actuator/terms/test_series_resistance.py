@@ -1,7 +1,6 @@
 """A resistance before the electrodes, against closed forms and SciPy's integration."""
 
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -303,35 +302,6 @@ def test_each_electrode_has_its_own():
         assert getattr(final, name) == pytest.approx(2.0 * volts + left, abs=1e-9)
 
 
-def test_device_in_si_and_from_a_file(tmp_path):
-    text = mi.load_actuator("mita2003")
-    lines = [f"{name} = {value!r}" for name, value in text if name != "units"]
-    path = tmp_path / "device.toml"
-    table = "[series_resistance]\nresistance = 2e12\nparasitic_capacitance = 1e-14\n"
-    path.write_text('units = "SI"\n[parameters]\n' + "\n".join(lines) + "\n" + table)
-    device = mi.load_actuator(path)
-    assert device == text.adding(mi.SeriesResistance(resistance=2e12, parasitic_capacitance=1e-14))
-    assert pickle.loads(pickle.dumps(device)) == device
-    drive = mi.Sine(amplitude=30.0, omega=1500.0)
-    scales = device.scales
-    bare = device.to_dimensionless()
-    assert bare.term("series_resistance").resistance == pytest.approx(
-        2e12 * device.alpha / device.d * math.sqrt(device.k / device.m2), rel=1e-12
-    )
-    inner = drive.scaled(scales.unit("V"), scales.unit("s"))
-    one = mi.simulate(device, drive, periods=1, options=INTERPRETED)
-    two = mi.simulate(bare, inner, periods=1, options=INTERPRETED)
-    charge_unit = device.alpha / device.d * scales.unit("V")
-    assert one.final.charge == pytest.approx(two.final.charge * charge_unit, rel=1e-9)
-    assert one.final.x2 == pytest.approx(two.final.x2 * device.d, rel=1e-9)
-    assert one.system.units.get("series_resistance.resistance", "") == "ohm"
-    assert one.system.units.get("charge", "") == "C"
-    one.save(tmp_path / "run.zip")
-    again = mi.load(tmp_path / "run.zip")
-    assert again.final == one.final
-    assert again.actuator == device
-
-
 @pytest.mark.parametrize(
     ("values", "field"),
     [
@@ -376,21 +346,3 @@ def test_a_time_constant_of_a_millionth_of_the_period():
     paper = mi.simulate(ZHAO, square, periods=2, initial=kick)
     assert len(run.impacts) == len(paper.impacts) > 0
     assert run.final.x1 == pytest.approx(paper.final.x1, abs=2e-5)
-
-
-@pytest.mark.nightly
-def test_sweeps_and_branches_over_the_resistance():
-    drive = mi.Sine(amplitude=0.24, omega=0.5)
-    device = ZHAO.adding(mi.SeriesResistance(resistance=0.02))
-    table = mi.sweep(
-        device, drive, "series_resistance.resistance", [0.02, 0.3], transient=30, periods=5
-    ).table
-    assert set(table["series_resistance.resistance"]) == {0.02, 0.3}
-    run = mi.simulate(device, drive, periods=150)
-    orbit = mi.find_orbit(run)
-    assert len(orbit.impacts) == 2 * orbit.periods
-    branch = mi.continue_solution(orbit, "series_resistance.resistance", stop=0.05)
-    point = branch.table.iloc[-1]
-    other = ZHAO.adding(mi.SeriesResistance(resistance=float(point.iloc[0])))
-    again = mi.find_orbit(mi.simulate(other, drive, periods=150))
-    assert again.step == pytest.approx(branch.orbits[-1].step, rel=1e-6)

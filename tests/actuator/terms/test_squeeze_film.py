@@ -1,7 +1,6 @@
 """The squeeze film: its circuit against Blech's series, runs against another integration."""
 
 import math
-import pickle
 import warnings
 
 import numpy as np
@@ -177,61 +176,6 @@ def test_without_gas_the_papers_model_comes_back():
     assert run.impacts["t"].to_numpy() == pytest.approx(bare.impacts["t"].to_numpy(), abs=1e-7)
 
 
-SI = """
-units = "SI"
-[parameters]
-m1 = 1.0485e-5
-m2 = 2.097e-6
-k = 4.765
-c = 1e-5
-d = 5.0e-6
-delta = 2.5e-6
-e = 0.8
-mu_s = 0.4
-mu_d = 0.27
-alpha = 8.854e-20
-g = 9.80665
-
-[squeeze_film]
-length = 4e-3
-width = 2e-3
-pressure = 2.0
-viscosity = 1.82e-5
-free_path_pressure = 6.7e-3
-sides = "both"
-modes = 2
-"""
-
-
-@pytest.mark.nightly
-def test_a_device_in_si_and_its_dimensionless_form_are_one(tmp_path):
-    path = tmp_path / "device.toml"
-    path.write_text(SI)
-    device = mi.load_actuator(path)
-    film = device.term("squeeze_film")
-    assert (film.sides, film.modes, film.pressure) == ("both", 2, 2.0)
-    inner = device.to_dimensionless()
-    back = inner.to_si(device.scales).term("squeeze_film")
-    assert back.viscosity == pytest.approx(1.82e-5, rel=1e-14)
-    scales = device.scales
-    drive = mi.Sine(amplitude=100.0, omega=1200.0)
-    same = mi.Sine(amplitude=scales.into(100.0, "V"), omega=scales.into(1200.0, "rad/s"))
-    one = mi.simulate(device, drive, periods=0.5, options=INTERPRETED)
-    two = mi.simulate(inner, same, periods=0.5, options=INTERPRETED)
-    last, theirs = (run.samples(2).iloc[-1] for run in (one, two))
-    for name in ("x2", "film_1", "left_film_6"):
-        assert last[name] == pytest.approx(theirs[name] * 5e-6, rel=1e-9, abs=1e-20)
-    assert abs(theirs["film_1"]) > 1e-3
-
-
-def test_a_run_is_kept_with_its_film(tmp_path):
-    run = mi.simulate(DEVICE, DRIVE, periods=0.2, initial=KICKED, options=INTERPRETED)
-    run.save(tmp_path / "run")
-    loaded = mi.load(tmp_path / "run")
-    assert loaded.actuator == pickle.loads(pickle.dumps(run)).actuator == DEVICE
-    assert loaded.samples(4).equals(run.samples(4))
-
-
 @pytest.mark.filterwarnings("default::mems_impact.errors.ValidityWarning")
 def test_a_run_beyond_what_holds_says_so_once():
     def told(speed, **changes):
@@ -256,39 +200,3 @@ def test_a_run_beyond_what_holds_says_so_once():
 def test_what_is_refused(values):
     with pytest.raises(mi.InvalidParameter):
         FILM.replace(**values)
-
-
-@pytest.mark.nightly
-def test_an_orbit_over_the_pressure():
-    """Multipliers meet differences of runs; more gas, and a slower impact."""
-    drive, options = mi.Sine(amplitude=0.3, omega=0.5), mi.Options(method="dop853", rtol=1e-11)
-    device = ZHAO.adding(FILM.replace(pressure=0.2, viscosity=0.5))
-    table = mi.sweep(
-        device, drive, "squeeze_film.pressure", [0.2, 0.4], transient=50, periods=5
-    ).table
-    assert (table["impacts per period"] == 1.0).all()
-    run = mi.simulate(device, drive, periods=100, options=options)
-    orbit = mi.find_orbit(run, periods=1)
-    system, start = orbit.system, orbit.state
-
-    def after(values):
-        state = mi.State(**values, time=start.time)
-        done = mi.simulate(system, periods=1, initial=state, options=options)
-        return done.final.as_dict()
-
-    values = start.as_dict()
-    names = [name for name in system.states if name not in ("x1", "v1")]
-    h = 1e-6
-    monodromy = np.array(
-        [
-            [
-                (after({**values, a: values[a] + h})[b] - after({**values, a: values[a] - h})[b])
-                for b in names
-            ]
-            for a in names
-        ]
-    ) / (2.0 * h)
-    sizes = np.sort(np.abs(np.linalg.eigvals(monodromy)))[::-1]
-    assert np.sort(np.abs(orbit.multipliers))[::-1][:2] == pytest.approx(sizes[:2], abs=1e-6)
-    branch = mi.continue_solution(orbit, "squeeze_film.pressure", stop=0.4)
-    assert branch.table["squeeze_film.pressure"].iloc[-1] == pytest.approx(0.4)

@@ -6,15 +6,17 @@ import inspect
 import pickle
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mems_impact as mi
 from mems_impact.actuator.model import HIDDEN
 from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.actuator.terms import TERM_CLASSES
-from mems_impact.actuator.terms.files import table_of, term_of, term_type
+from mems_impact.actuator.terms.files import table_of, term_type
 
 ZHAO = mi.load_actuator("zhao2004")
+MITA = mi.load_actuator("mita2003")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 
@@ -50,6 +52,8 @@ def test_one_of_each_kind():
         ZHAO.replace(terms=(mi.Tilt(angle=0.1), mi.Tilt(angle=0.2)))
     with pytest.raises(mi.InvalidParameter, match="term = 'spin': must be one of tilt, frame"):
         device.without("spin")
+    with pytest.raises(mi.InvalidParameter, match="both determine the friction"):
+        ZHAO.adding(mi.StribeckFriction(speed=0.1), mi.RegularizedFriction(width=1.0))
     with pytest.raises(mi.InvalidParameter, match="terms"):
         ZHAO.adding("tilt")
 
@@ -79,18 +83,137 @@ def test_parameters_by_name():
         system.changed(**{"tilt.slope": 2.0})
 
 
-@pytest.mark.slow(all=True)
-def test_files_and_pickles(tmp_path):
-    device = ZHAO.adding(mi.Tilt(angle=0.1), mi.FrameSpring(k1=2.0))
-    for term in device.terms:
-        assert term_of(term.name(), table_of(term)) == term
-    assert pickle.loads(pickle.dumps(device.under(DRIVE))) == device.under(DRIVE)
-    options = mi.Options(engine="interpreted")
-    run = mi.simulate(device, DRIVE, periods=1, options=options)
+# One of each term that fits the device in SI.
+TERMS = (
+    mi.Adhesion(force=5e-6),
+    mi.ChargeDrive(parasitic_capacitance=1e-14),
+    mi.CombDrive(fingers=100, gap="2 um", thickness="20 um", overlap="30 um"),
+    mi.CompliantStopper(stiffness=2e5, exponent=1.5, damping=0.2, depth=1e-7),
+    mi.CubicStiffness(k3=2e10),
+    mi.DielectricCharging(share=0.1, time=60.0),
+    mi.FrameForce(force=1e-6),
+    mi.FrameSpring(k1=1.0),
+    mi.Fringing(width=2e-4),
+    mi.PowerLawRestitution(speed=1e-3),
+    mi.RegularizedFriction(width=1e-3),
+    mi.SeriesResistance(resistance=2e12, parasitic_capacitance=1e-14),
+    mi.SlewRate(rate=1e6),
+    mi.SqueezeFilm(
+        length=2e-4, width=1e-4, pressure=1e2, viscosity=1.82e-5, free_path_pressure=6.7e-3
+    ),
+    mi.StribeckFriction(speed=1e-3, viscous=2.0),
+    mi.TabulatedCapacitance(
+        positions=(-3e-6, -1e-6, 1e-6, 3e-6), capacitances=(1e-14, 2e-14, 3e-14, 5e-14)
+    ),
+    mi.TabulatedRestitution(speeds=(1e-3, 1e-2), values=(0.9, 0.5)),
+    mi.TabulatedSpring(
+        positions=(-3e-6, -1e-6, 1e-6, 3e-6), forces=(-1.4295e-5, -4.765e-6, 4.765e-6, 1.4295e-5)
+    ),
+    mi.Tilt(angle=0.1),
+    mi.TiltedPlate(angle=0.01, length=1e-4),
+)
+
+
+def test_every_term_is_tried():
+    assert [term.name() for term in TERMS] == sorted(TERM_CLASSES)
+
+
+@pytest.mark.parametrize("term", TERMS, ids=lambda term: term.name())
+def test_in_files_in_si_and_without_units(term, tmp_path):
+    device, name = MITA.adding(term), term.name()
+    tables = {"parameters": dict(MITA), name: {k: v for k, v in table_of(term).items() if v}}
+    tables["parameters"].pop("units")
+    lines = ['units = "SI"']
+    for heading, values in tables.items():
+        lines += [f"[{heading}]", *(f"{key} = {value!r}" for key, value in values.items())]
+    (tmp_path / "device.toml").write_text("\n".join(lines))
+    assert mi.load_actuator(tmp_path / "device.toml") == device
+    scales = device.scales
+    unit, size = ("C", 1.5e-12) if name == "charge_drive" else ("V", 30.0)
+    drive = mi.Sine(amplitude=size, omega=600.0)
+    options = mi.Options(engine="interpreted", method="auto")
+    run, same = (
+        mi.simulate(each, wave, duration=1e-3 / second, initial={"v2": v2}, options=options)
+        for each, wave, second, v2 in (
+            (device, drive, 1.0, 0.01),
+            (
+                device.to_dimensionless(),
+                drive.scaled(scales.unit(unit), scales.unit("s")),
+                scales.unit("s"),
+                scales.into(0.01, "m/s"),
+            ),
+        )
+    )
+    assert len(run.impacts) == len(same.impacts) == 1
+    for state in run.system.states:
+        value = scales.into(run.final[state], run.system.units.get(state, ""))
+        assert value == pytest.approx(same.final[state], rel=1e-9, abs=1e-12), state
     run.save(tmp_path / "run.zip")
-    again = mi.load(tmp_path / "run.zip")
-    assert again.actuator == device
-    assert again.final == run.final
+    for again in (mi.load(tmp_path / "run.zip"), pickle.loads(pickle.dumps(run))):
+        assert again.actuator == device
+        assert again.final == run.final
+
+
+def multipliers_by_runs(orbit, options):
+    """The two largest, by central differences of runs over a period, the frame at rest."""
+    values, h = orbit.state.as_dict(), 1e-6
+    names = [name for name in orbit.system.states if name not in ("x1", "v1", "contact_loss")]
+
+    def after(name, change):
+        start = mi.State(**{**values, name: values[name] + change}, time=orbit.state.time)
+        final = mi.simulate(orbit.system, 1, initial=start, options=options).final
+        return np.array([final[each] for each in names])
+
+    columns = [(after(name, h) - after(name, -h)) / (2.0 * h) for name in names]
+    return np.sort(np.abs(np.linalg.eigvals(np.array(columns))))[:-3:-1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("term", "parameter", "value", "amplitude"),
+    [
+        (mi.PowerLawRestitution(speed=0.3, exponent=0.25), "exponent", 0.3, 0.24),
+        (mi.StribeckFriction(speed=0.02), "speed", 0.05, 0.24),
+        (mi.CompliantStopper(stiffness=1e5, damping=1.2), "stiffness", 1.2e5, 0.24),
+        (mi.CompliantStopper(stiffness=3e5, exponent=1.5, damping=1.2), "damping", 1.1, 0.24),
+        (mi.DielectricCharging(share=0.1, time=3.0), "share", 0.0, 0.24),
+        (mi.Fringing(width=6.0), "width", 6.5, 0.24),
+        (mi.SeriesResistance(resistance=0.02), "resistance", 0.05, 0.24),
+        (
+            mi.SqueezeFilm(
+                length=1.0, width=0.5, pressure=0.2, viscosity=0.5, free_path_pressure=0.1
+            ),
+            "pressure",
+            0.4,
+            0.3,
+        ),
+    ],
+    ids=lambda each: each.name() if isinstance(each, mi.Term) else "",
+)
+@pytest.mark.filterwarnings("ignore::mems_impact.errors.ValidityWarning")
+def test_orbits_and_multipliers_over_a_parameter(term, parameter, value, amplitude):
+    drive = DRIVE.replace(amplitude=amplitude)
+    options = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
+
+    def orbit_of(device):
+        run = mi.simulate(device, drive, 300, options=mi.Options(method="dop853"))
+        return mi.find_orbit(run, options=options)
+
+    orbit, other = (
+        orbit_of(ZHAO.adding(each)) for each in (term, term.replace(**{parameter: value}))
+    )
+    assert orbit.stable
+    largest = np.sort(np.abs(orbit.multipliers))[:-3:-1]
+    assert largest == pytest.approx(multipliers_by_runs(orbit, options), abs=1e-5)
+    name = f"{term.name()}.{parameter}"
+    branch = mi.continue_solution(orbit, name, stop=value)
+    assert branch.orbits[-1].step == pytest.approx(other.step, rel=1e-7)
+    sweep = mi.sweep(
+        orbit.system, name, [getattr(term, parameter), value], transient=150, periods=2,
+        options=options, direction="up",
+    )  # fmt: skip
+    steps = sweep.statistics["displacement per period"].to_numpy()
+    assert steps == pytest.approx([each.step / each.periods for each in (orbit, other)], rel=1e-5)
 
 
 def test_in_a_device_file(tmp_path):
