@@ -178,7 +178,7 @@ class Orbit(Result):
         One per component of the state that is free at the start of the orbit: x2 and v2 if the
         frame of an actuator is stuck. A single 0 if no component is free, as at rest on a stopper.
         """
-        return self.numeric.multipliers
+        return self.numeric.resolved_multipliers
 
     @property
     def stable(self) -> bool | None:

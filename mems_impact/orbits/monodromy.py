@@ -1,17 +1,21 @@
 """Monodromy matrix, Floquet multipliers and stability of an orbit.
 
 Where perturbations grow little, the monodromy matrix is a product, with its eigenvalues. Otherwise
-its small eigenvalues, and the factors themselves along the flow of a limit cycle, would be lost to
-rounding: multipliers are then those of the factors of short pieces (`periodic_schur`).
+the factors along the flow of a limit cycle would be lost to rounding: multipliers are then those of
+the factors of short pieces (`periodic_schur`). So are multipliers that others exceed by far, for
+which an orbit integrates its pieces again when they are read.
 """
 
 from __future__ import annotations
+
+from contextlib import suppress
 
 import numpy as np
 
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.errors import OrbitError
-from mems_impact.orbits.division import MAX_GROWTH, bisected, growth
+from mems_impact.hybrid.variational.derivatives import Arc
+from mems_impact.orbits.division import MAX_GROWTH, NODE_GROWTH, bisected, growth
 from mems_impact.orbits.periodic_schur import product_eigenvalues
 from mems_impact.orbits.shooting import (
     Shooting,
@@ -22,6 +26,7 @@ from mems_impact.orbits.shooting import (
 from mems_impact.orbits.spectrum import MULTIPLIER_RTOL, multipliers_stable, ratios
 
 RESET_TOLERANCE = 1e-9  # largest element in the row of a component that is reset
+MAX_PIECES = 1000  # of an orbit, by bisection
 MAX_ERROR_RATIO = 1e6  # largest ratio of the error of a monodromy matrix to the tolerance
 ERROR_SAFETY = 3.0  # factor on the estimate of this error
 
@@ -53,15 +58,23 @@ def monodromy_factors(shooting: Shooting, point: ShootingEvaluation) -> Floats:
 
 
 def _factors(shooting: Shooting, point: ShootingEvaluation) -> Floats:
+    arcs, free = point.arcs, shooting.free
+    grows = any(not growth(arc.by_state[free]) <= MAX_GROWTH for arc in arcs)
+    if any(shooting.nodes) or (shooting.phase is not None and grows):
+        return _factors_of_pieces(shooting, point)
+    return reduced_monodromy(shooting, point)[None]
+
+
+def _factors_of_pieces(
+    shooting: Shooting, point: ShootingEvaluation, limit: float = MAX_GROWTH
+) -> Floats:
+    """Return factors of pieces in which perturbations grow and decay at most by this factor."""
     free, is_cycle = shooting.free, shooting.phase is not None
+    budget = iter(range(MAX_PIECES))
 
-    def is_short(by_state: Floats) -> bool:
-        return growth(by_state[free]) <= MAX_GROWTH
+    def is_short(arc: Arc) -> bool:
+        return _is_resolved(arc.by_state[free], limit) or next(budget, None) is None
 
-    if not any(shooting.nodes) and not (
-        is_cycle and not all(is_short(arc.by_state) for arc in point.arcs)
-    ):
-        return reduced_monodromy(shooting, point)[None]
     keep = reduced_components(shooting, point)
     start = np.eye(len(keep))
     if is_cycle and keep:
@@ -71,7 +84,7 @@ def _factors(shooting: Shooting, point: ShootingEvaluation) -> Floats:
     for c, factors in shooting.pinned.items():
         columns[c] -= np.array(factors) @ columns
     found = []
-    pieces = list(bisected(shooting, point, lambda arc: _is_resolved(arc.by_state[free])))
+    pieces = list(bisected(shooting, point, is_short))
     last = {piece.segment: number for number, piece in enumerate(pieces)}
     for number, (i, *_, arc) in enumerate(pieces):
         after, flow = arc.by_state @ columns, arc.slope_end
@@ -88,12 +101,12 @@ def _factors(shooting: Shooting, point: ShootingEvaluation) -> Floats:
     return np.array([*found, start.T @ columns[keep]])
 
 
-def _is_resolved(by_state: Floats) -> bool:
-    """Return whether perturbations grow and decay too little in a piece to lose their digits."""
-    if not growth(by_state) <= MAX_GROWTH:
+def _is_resolved(by_state: Floats, limit: float = MAX_GROWTH) -> bool:
+    """Return whether perturbations grow and decay too little to lose their digits."""
+    if not growth(by_state) <= limit:
         return False
     try:
-        return growth(np.asarray(np.linalg.inv(by_state), dtype=float)) <= MAX_GROWTH
+        return growth(np.asarray(np.linalg.inv(by_state), dtype=float)) <= limit
     except np.linalg.LinAlgError:  # a component that is forgotten
         return True
 
@@ -109,7 +122,10 @@ def reduced_components(
     """Return the free components that the first mode does not hold fixed, by position."""
     arc = point.arcs[0]
     monodromy = shooting.monodromy(point) if monodromy is None else monodromy
-    still = [arc.slope_start[i] == 0.0 == arc.slope_end[i] for i in shooting.free]
+    still = [
+        arc.slope_start[i] == 0.0 == arc.slope_end[i] and arc.by_state[i, c] in (0.0, 1.0)
+        for c, i in enumerate(shooting.free)
+    ]
     # A component that is fixed in the first segment and reset later has a trivial multiplier 0.
     forgotten = [np.abs(row).max() < RESET_TOLERANCE for row in monodromy]
     return [
@@ -133,6 +149,19 @@ def multipliers_at(shooting: Shooting, point: ShootingEvaluation) -> Complexes:
     if len(factors) == 1:
         return np.linalg.eigvals(factors[0]).astype(complex)
     return _product(shooting, point)[0]
+
+
+def resolved_multipliers(shooting: Shooting, point: ShootingEvaluation) -> Complexes:
+    """Return the multipliers, in no order, with the digits of those that others exceed by far."""
+    factors = monodromy_factors(shooting, point)
+    if len(factors) == 1 and not _is_resolved(factors[0]):
+        refined = shooting.refined
+        with suppress(OrbitError, np.linalg.LinAlgError):
+            exact = refined.evaluate(point.unknowns, point.values)
+            factors = _factors_of_pieces(refined, exact, NODE_GROWTH)
+            if np.isfinite(factors).all():
+                return product_eigenvalues(factors)[0]
+    return multipliers_at(shooting, point)
 
 
 def _product(shooting: Shooting, point: ShootingEvaluation) -> Complexes:

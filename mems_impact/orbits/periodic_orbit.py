@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mems_impact._util.arrays import Floats
+from mems_impact._util.arrays import Complexes, Floats
 from mems_impact._util.formatting import stability_name
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.monodromy import is_stable, multipliers_at, reduced_monodromy
+from mems_impact.orbits.monodromy import (
+    is_stable,
+    multipliers_at,
+    reduced_monodromy,
+    resolved_multipliers,
+)
 from mems_impact.orbits.shooting import TOUCHING_RATE, Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import Segment
 
@@ -74,7 +79,7 @@ class PeriodicOrbit:
     periods: int
     shooting: Shooting
     point: ShootingEvaluation
-    multipliers: NDArray[np.complex128]
+    multipliers: Complexes
     defects: tuple[AdmissibilityViolation, ...]
     stable: bool | None
 
@@ -169,23 +174,33 @@ class PeriodicOrbit:
             if s.guard(m) != NONE and automaton.guards[s.guard(m)].impact
         ]
 
+    @cached_property
+    def resolved_multipliers(self) -> Complexes:
+        """The multipliers, with the digits of those that others exceed by far."""
+        if not np.isfinite(self.multipliers).all():
+            return self.multipliers
+        return _ordered(resolved_multipliers(self.shooting, self.point))
+
     def reduced_monodromy(self) -> Floats:
         """Return the monodromy matrix on the components that the first mode leaves free."""
         return reduced_monodromy(self.shooting, self.point)
 
 
+def _ordered(multipliers: Complexes) -> Complexes:
+    if not multipliers.size:
+        return np.zeros(1, complex)
+    return multipliers[np.argsort(-np.abs(multipliers))]
+
+
 def make_orbit(shooting: Shooting, point: ShootingEvaluation) -> PeriodicOrbit:
     """Return the orbit of a solved point, with stability and admissibility."""
     values = dict(zip(shooting.active, point.values.tolist(), strict=True))
-    multipliers = multipliers_at(shooting, point)
-    if not multipliers.size:
-        multipliers = np.zeros(1, complex)
     return PeriodicOrbit(
         family=shooting.family.at(**values),
         periods=shooting.segments[-1].cycle + 1,
         shooting=shooting,
         point=point,
-        multipliers=multipliers[np.argsort(-np.abs(multipliers))],
+        multipliers=_ordered(multipliers_at(shooting, point)),
         defects=defects(shooting, point),
         stable=is_stable(shooting, point),
     )

@@ -104,6 +104,53 @@ def test_multipliers_of_pairs_are_right_over_45_orders():
             assert np.abs(orbit.multipliers / value - 1.0).min() < 1e-8
 
 
+def turned(slow, fast):
+    """Return a flow with these rates along two axes that turn once in 2 pi, pushed by cos(2 t)."""
+
+    def flow(mode, t, y, p):
+        c, s = math.cos(t), math.sin(t)
+        a, b = slow * (c * y.x + s * y.y), fast * (c * y.y - s * y.x)
+        return c * a - s * b - y.y + p.push * math.cos(2.0 * t), s * a + c * b + y.x
+
+    return flow
+
+
+def halved(mode, t, y, p):
+    return mode, (0.5 * y.x + 0.25 * y.y + 0.1, y.x - 0.75 * y.y)
+
+
+@pytest.mark.parametrize(("push", "jumps"), [(1.0, False), (0.0, False), (1.0, True)])
+def test_small_multipliers_beside_one_of_order_one(push, jumps):
+    """30 orders of magnitude, of a motion and of rest; the jump at t = 1 has determinant -5/8."""
+    slow, fast = -0.5 / (2.0 * math.pi), -69.0 / (2.0 * math.pi)
+    system = mi.System(
+        states=("x", "y"),
+        flow=turned(slow, fast),
+        period=2.0 * math.pi,
+        parameters={"push": push},
+        guards=[mi.Guard("clock", lambda mode, t, y, p: math.sin(1.0 - t), halved)] * jumps,
+    )
+    orbit = mi.find_orbit(system, guess={"x": 0.0, "y": 0.0}, periods=1)
+    exact = [math.exp(-0.5), math.exp(-69.0)]
+    if jumps:  # the fast rate leaves one row of the jump, along the turned axes at t = 1
+        c, s = math.cos(1.0), math.sin(1.0)
+        along = np.array([c, s]) @ [[0.5, 0.25], [1.0, -0.75]] @ [c, s]
+        exact = [along * exact[0], -0.625 / along * exact[1]]
+    np.testing.assert_allclose(orbit.multipliers, exact, rtol=1e-8)
+
+
+def test_small_multipliers_of_a_cycle():
+    """A circle with the radial rate -46 / (2 pi), z with -69 / (2 pi)."""
+
+    def flow(mode, t, y, p):
+        growth = 46.0 / (4.0 * math.pi) * (1.0 - y.x * y.x - y.y * y.y)
+        return growth * y.x - y.y, growth * y.y + y.x, y.x - 69.0 / (2.0 * math.pi) * y.z
+
+    system = mi.System(states=("x", "y", "z"), flow=flow, parameters={})
+    cycle = mi.find_orbit(system, guess={"x": 1.0, "y": 0.0, "z": 0.0})
+    np.testing.assert_allclose(cycle.multipliers, np.exp([-46.0, -69.0]), rtol=1e-8)
+
+
 def test_cycles_begin_at_a_hopf_point_with_a_strongly_unstable_direction():
     """Circles of radius sqrt(m) and period 2 pi, z a linear response: multiplier exp(2 pi 17)."""
 
