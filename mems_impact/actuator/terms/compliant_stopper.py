@@ -81,6 +81,8 @@ class CompliantStopper(Term):
 
         def spring(depth, p):  # type: ignore[no-untyped-def]
             # An odd function, so that it is smooth if a trial step leaves the contact.
+            if depth == 0.0:  # where the power has no derivative, its product with the depth has
+                return depth * (p[stiffness] if p[exponent] == 1.0 else 0.0)
             depth_ratio = abs(depth) / p[reference]
             return p[stiffness] * depth * depth_ratio ** (p[exponent] - 1.0)
 

@@ -172,11 +172,11 @@ def multipliers_by_runs(orbit, options):
 @pytest.mark.parametrize(
     ("term", "parameter", "value", "amplitude"),
     [
+        (mi.CompliantStopper(stiffness=3e5, exponent=1.5, damping=1.2), "damping", 1.201, 0.24),
         (mi.PowerLawRestitution(speed=0.3, exponent=0.25), "exponent", 0.3, 0.24),
         (mi.StribeckFriction(speed=0.02), "speed", 0.05, 0.24),
-        (mi.CompliantStopper(stiffness=1e5, damping=1.2), "stiffness", 1.2e5, 0.24),
-        (mi.CompliantStopper(stiffness=3e5, exponent=1.5, damping=1.2), "damping", 1.1, 0.24),
-        (mi.DielectricCharging(share=0.1, time=3.0), "share", 0.0, 0.24),
+        (mi.CompliantStopper(stiffness=1e5, damping=1.2), "stiffness", 1.003e5, 0.24),
+        (mi.DielectricCharging(share=0.05, time=3.0), "share", 0.1, 0.24),
         (mi.Fringing(width=6.0), "width", 6.5, 0.24),
         (mi.SeriesResistance(resistance=0.02), "resistance", 0.05, 0.24),
         (
