@@ -1,4 +1,5 @@
 # The public names, each with its module: imported on first use by `__init__.py`.
+from .actuator.actuator import Actuator as Actuator
 from .actuator.design.characteristics import DutyCycle as DutyCycle
 from .actuator.design.characteristics import FrequencyResponse as FrequencyResponse
 from .actuator.design.characteristics import PeriodOneWindow as PeriodOneWindow
@@ -15,7 +16,6 @@ from .actuator.design.energy import energy as energy
 from .actuator.design.estimates import pull_in_charge as pull_in_charge
 from .actuator.design.estimates import pull_in_voltage as pull_in_voltage
 from .actuator.design.estimates import resting_voltage as resting_voltage
-from .actuator.design.estimates import step_length as step_length
 from .actuator.design.fit import Fit as Fit
 from .actuator.design.fit import Target as Target
 from .actuator.design.fit import fit as fit
@@ -27,8 +27,10 @@ from .actuator.design.ring_down import RingDown as RingDown
 from .actuator.design.ring_down import ring_down as ring_down
 from .actuator.design.soft_landing import SoftLanding as SoftLanding
 from .actuator.design.soft_landing import soft_landing as soft_landing
+from .actuator.design.step_length import step_length as step_length
 from .actuator.design.wear import WearLife as WearLife
 from .actuator.design.wear import life as life
+from .actuator.device_files import load_actuator as load_actuator
 from .actuator.drives.base import Drive as Drive
 from .actuator.drives.burst import Burst as Burst
 from .actuator.drives.custom import Custom as Custom
@@ -40,8 +42,6 @@ from .actuator.drives.square import Square as Square
 from .actuator.drives.trapezoid import Trapezoid as Trapezoid
 from .actuator.drives.two_sided import TwoSided as TwoSided
 from .actuator.drives.voltage_step import VoltageStep as VoltageStep
-from .actuator.parameters import Actuator as Actuator
-from .actuator.parameters import load_actuator as load_actuator
 from .actuator.plots import plot_chart as plot_chart
 from .actuator.plots import plot_closing as plot_closing
 from .actuator.plots import plot_drive as plot_drive
@@ -51,7 +51,7 @@ from .actuator.plots import plot_response as plot_response
 from .actuator.report import report as report
 from .actuator.report_page import DeviceReport as DeviceReport
 from .actuator.results import BlowStatistics as BlowStatistics
-from .actuator.system import kicked_state as kicked_state
+from .actuator.state_space import kicked_state as kicked_state
 from .actuator.terms.adhesion import Adhesion as Adhesion
 from .actuator.terms.base import Term as Term
 from .actuator.terms.charge_drive import ChargeDrive as ChargeDrive

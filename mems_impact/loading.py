@@ -135,7 +135,7 @@ def _reader(source: str, allow_code: bool) -> Callable[[], Any] | None:
 
         return lambda: read_study(source)
     if not Path(source).exists():
-        from mems_impact.actuator.parameters import preset_names
+        from mems_impact.actuator.device_files import preset_names
         from mems_impact.actuator.system_files import is_system_name, load_system
 
         if is_system_name(source):
@@ -150,8 +150,8 @@ def _reader(source: str, allow_code: bool) -> Callable[[], Any] | None:
 
 
 def _text_reader(source: str, allow_code: bool) -> Callable[[], Any]:
+    from mems_impact.actuator.device_files import actuator_in_file
     from mems_impact.actuator.drives.files import SAMPLE_SUFFIXES, drive_in_file, load_drive
-    from mems_impact.actuator.parameters import actuator_in_file
     from mems_impact.actuator.system_files import study_in_file
     from mems_impact.actuator.toml_files import parse_toml, read_bytes
 

@@ -1,7 +1,7 @@
 from typing import Any, ParamSpec, Protocol, TypeVar, overload
 
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.orbit import Orbit

@@ -14,7 +14,7 @@ from mems_impact.actuator import impact_law
 from mems_impact.actuator.automaton import GUARDS, MODES, RELEASE, SLIP_END, direction_of, side_of
 from mems_impact.actuator.equations import V2, X1
 from mems_impact.actuator.model import layout
-from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.terms.base import is_compliant
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events
@@ -63,13 +63,13 @@ def is_release(events: Events) -> NDArray[np.bool_]:
     return (events.kind == workspace.TRANSITION) & (events.guard == RELEASE)
 
 
-def contact_loss(actuator: Actuator) -> int:
+def contact_loss(actuator: ActuatorParameters) -> int:
     """Return the index of the state that integrates the losses in compliant stoppers."""
     states = layout([term.kind for term in actuator.terms], 0).states
     return states.index("contact_loss")
 
 
-def energy_lost(events: Events, actuator: Actuator) -> Floats:
+def energy_lost(events: Events, actuator: ActuatorParameters) -> Floats:
     """Return the energy that each row loses: impacts, and the rest of chatter sequences.
 
     The loss of a contact with a compliant stopper is known at its end; NaN if it has not ended.
@@ -235,7 +235,7 @@ class BlowTable:
     energy: Floats
 
 
-def each_blow(events: Events, actuator: Actuator) -> BlowTable:
+def each_blow(events: Events, actuator: ActuatorParameters) -> BlowTable:
     """Return the blows among events, in which `RestDetector` has marked the ends of contacts."""
     log, steps = contacts(events)
     first, _ = blow_of(log)
@@ -277,7 +277,7 @@ class RestDetector:
         Forcing period.
     """
 
-    def __init__(self, actuator: Actuator, period: float) -> None:
+    def __init__(self, actuator: ActuatorParameters, period: float) -> None:
         self._actuator, self._period = actuator, period
         self._yields = is_compliant(actuator)
         self._hits = np.zeros((0, 3))  # the last impact so far: time, speed, guard
@@ -302,7 +302,7 @@ class RestDetector:
         return replace(events, kind=kind, guard=guard)
 
 
-def contact_time(actuator: Actuator, speed: Floats) -> Floats:
+def contact_time(actuator: ActuatorParameters, speed: Floats) -> Floats:
     """Return the duration of contact with a compliant stopper for impacts with `speed`.
 
     For a frame at rest, without damping and other forces, it is the quadrature of the energy,

@@ -12,7 +12,9 @@ import numpy as np
 
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER
+from mems_impact.actuator.design.static_forces import StaticForces
 from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.terms.base import Device, Term, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.errors import InvalidParameter, UnitsWarning
@@ -184,10 +186,7 @@ def _contact_voltage(actuator: Device) -> float:
     Without terms of electrodes or spring, other terms are neglected, which change it little.
     """
     if any(term.replaced_rule in ("electrode", "spring") for term in actuator.terms):
-        from mems_impact.actuator.design.static_forces import StaticForces
-        from mems_impact.actuator.parameters import Actuator
-
-        assert isinstance(actuator, Actuator)
+        assert isinstance(actuator, ActuatorParameters)
         try:
             return float(actuator.scales.out(StaticForces(actuator).contact(), "V"))
         except InvalidParameter:  # the equilibrium of a term is unknown

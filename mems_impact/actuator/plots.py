@@ -46,6 +46,7 @@ from mems_impact.plotting.trajectories import (
 )
 
 if TYPE_CHECKING:
+    from mems_impact.actuator.actuator import Actuator
     from mems_impact.actuator.design.characteristics import FrequencyResponse
     from mems_impact.actuator.design.closing import Closing
     from mems_impact.actuator.design.energy import Energy
@@ -53,7 +54,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.operating_chart import OperatingChart
     from mems_impact.actuator.design.soft_landing import SoftLanding
     from mems_impact.actuator.drives.base import Drive
-    from mems_impact.actuator.parameters import Actuator
     from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
     from mems_impact.actuator.system import ActuatorSystem
 

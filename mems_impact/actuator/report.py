@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from mems_impact._util.formatting import stability_name
 from mems_impact._util.progress import progress_bar
 from mems_impact._util.warning_scopes import collected_warnings, first_of_each
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.design.data_sheet import SLIPS, DataSheet
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.design.energy import energy
@@ -32,12 +33,7 @@ from mems_impact.actuator.design.operating_chart import operating_chart
 from mems_impact.actuator.design.wear import life
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.parameters import (
-    PARAMETER_MEANINGS,
-    PARAMETER_NAMES,
-    Actuator,
-    numbers_for,
-)
+from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, numbers_for
 from mems_impact.actuator.report_page import (
     Block,
     DeviceReport,
@@ -51,7 +47,8 @@ from mems_impact.actuator.report_page import (
     values,
 )
 from mems_impact.actuator.results import ActuatorRun
-from mems_impact.actuator.system import ActuatorSystem, kicked_state
+from mems_impact.actuator.state_space import kicked_state
+from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.units import COLUMN_UNITS
 from mems_impact.analysis.attractor import RecurrenceOptions
 from mems_impact.analysis.orbit import find_orbit

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator.automaton import RIGHT_IMPACT
+from mems_impact.actuator.design.step_length import step_lengths
 from mems_impact.actuator.equations import V1, V2, X1
 from mems_impact.actuator.impact_statistics import (
     RestDetector,
@@ -37,11 +38,10 @@ from mems_impact.tables import (
 if TYPE_CHECKING:
     import pandas as pd
 
+    from mems_impact.actuator.actuator import Actuator
     from mems_impact.actuator.drives.base import Drive
-    from mems_impact.actuator.parameters import Actuator
 
 __all__ = [
-    "SYMBOLS",
     "ActuatorOrbit",
     "ActuatorRun",
     "BlowStatistics",
@@ -54,14 +54,10 @@ __all__ = [
     "impacts",
     "load",
     "speed",
-    "step_lengths",
     "swings",
 ]
 
 # --- Tables of actuators
-
-SYMBOLS = {"amplitude": "$f$"}
-"""The paper's symbols of a device without units, where they differ from parameters' names."""
 
 
 def impacts(
@@ -215,28 +211,6 @@ def fit_residuals(
         "in tolerances": (computed - measured) / tolerances,
     }
     return pd.DataFrame(columns)
-
-
-def step_lengths(
-    period: NDArray[np.int64],
-    phase: Floats,
-    speed: Floats,
-    voltage: Floats,
-    simulated: Floats,
-    formula: Floats,
-    labels: Labels,
-) -> pd.DataFrame:
-    """Return one row per impact: the simulated step and the formula, in device units."""
-    columns = {
-        "period": period,
-        "phase": phase,
-        "v2 before": speed,
-        "voltage": voltage,
-        "step": simulated,
-        "formula": formula,
-        "ratio": simulated / formula,
-    }
-    return table({}, labels, user_columns=columns)
 
 
 def speed(
@@ -402,8 +376,6 @@ class ActuatorRun(_OfActuator, Run):
         before, voltage, step (simulated), formula, and their ratio. InvalidParameter states why the
         formula applies to no impact of the run.
         """
-        from mems_impact.actuator.design.estimates import step_lengths
-
         return step_lengths(self)
 
     @cached_property

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.design.characteristics import (
     DutyCycle,
     FrequencyResponse,
@@ -23,7 +24,6 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.drives.pulse_and_hold import PulseAndHold
 from mems_impact.actuator.impact_statistics import BlowCounter, RestDetector
-from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.statistics import Accumulator
 from mems_impact.actuator.system import ActuatorSystem, kind_of

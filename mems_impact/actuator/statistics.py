@@ -13,6 +13,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator.automaton import GUARDS, IMPACTS, MODES, direction_of
+from mems_impact.actuator.design.energy import energy
 from mems_impact.actuator.equations import STATES, V2, X1, X2
 from mems_impact.actuator.impact_statistics import (
     BlowCounter,
@@ -24,7 +25,7 @@ from mems_impact.actuator.impact_statistics import (
     is_impact,
     is_slipping,
 )
-from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.terms.base import is_compliant
 from mems_impact.hybrid.attractors.mapper import RecurrenceColumns
 from mems_impact.hybrid.event_loop import workspace
@@ -196,7 +197,11 @@ class Accumulator(StatisticsAccumulator):
     """
 
     def __init__(
-        self, actuator: Actuator, start: HybridState, window: TimeWindow, modes: int = len(MODES)
+        self,
+        actuator: ActuatorParameters,
+        start: HybridState,
+        window: TimeWindow,
+        modes: int = len(MODES),
     ) -> None:
         super().__init__(window, start, modes, len(GUARDS))
         self._actuator = actuator
@@ -282,7 +287,7 @@ MAX_PERIODICITY = 12  # forcing periods; motions of period 1, 2, 3, 4, 6 and 12 
 STILL_RTOL = 1e-6
 
 
-def standstill_period(trajectory: Trajectory, actuator: Actuator) -> float | None:
+def standstill_period(trajectory: Trajectory, actuator: ActuatorParameters) -> float | None:
     """Return the number of periods of a run until standstill; None without it.
 
     At standstill the states at the starts of 12 successive periods equal the states 12 periods
@@ -334,8 +339,6 @@ def _energy_lost(orbit: Any) -> float:
 
 
 def _energy_given(orbit: Any) -> float:
-    from mems_impact.actuator.design.energy import energy  # avoids a circular import
-
     return energy(orbit).input / orbit.periods
 
 

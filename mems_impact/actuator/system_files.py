@@ -11,16 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from mems_impact._util import plugins
+from mems_impact.actuator.actuator import Actuator
+from mems_impact.actuator.device_files import load_actuator, names_in_file, preset_names
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_in_table, drive_of_kind, load_drive
 from mems_impact.actuator.parameter_base import unknown
-from mems_impact.actuator.parameters import Actuator, load_actuator, names_in_file, preset_names
-from mems_impact.actuator.system import kicked_state
-from mems_impact.actuator.toml_files import (
-    CodeRequest,
-    execute_code,
-    resolve_code_path,
-)
+from mems_impact.actuator.state_space import kicked_state
+from mems_impact.actuator.toml_files import CodeRequest, execute_code, resolve_code_path
 from mems_impact.errors import InvalidFile, InvalidParameter
 from mems_impact.systems.base import HybridSystem
 

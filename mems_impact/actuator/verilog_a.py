@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 
 from mems_impact._util.files import file_path, replacing
 from mems_impact._util.limits import BOUND_RTOL
-from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, Actuator
+from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, ActuatorParameters
 from mems_impact.actuator.splines import COEFFICIENTS, coefficients
 from mems_impact.actuator.terms.adhesion import Adhesion
 from mems_impact.actuator.terms.base import Term
@@ -28,13 +28,7 @@ from mems_impact.actuator.terms.frame_spring import FrameSpring
 from mems_impact.actuator.terms.fringing import Fringing
 from mems_impact.actuator.terms.regularized_friction import RegularizedFriction
 from mems_impact.actuator.terms.series_resistance import SeriesResistance
-from mems_impact.actuator.terms.squeeze_film import (
-    FIFTH,
-    FOURTH,
-    SqueezeFilm,
-    share,
-    share_of_row,
-)
+from mems_impact.actuator.terms.squeeze_film import FIFTH, FOURTH, SqueezeFilm, share, share_of_row
 from mems_impact.actuator.terms.table import TableTerm
 from mems_impact.actuator.terms.tabulated_capacitance import TabulatedCapacitance
 from mems_impact.actuator.terms.tabulated_spring import STIFFNESS_RTOL, TabulatedSpring
@@ -390,7 +384,7 @@ def numbers_of(term: Term) -> dict[str, float]:
 class Layout:
     """The contributions to the module of a device."""
 
-    actuator: Actuator
+    actuator: ActuatorParameters
     codes: tuple[TermCode, ...]
     sides: tuple[Side, ...]
     series: bool
@@ -438,7 +432,7 @@ def electrode_states(layout: Layout, side: Side) -> list[ModuleState]:
     return found
 
 
-def layout_of(actuator: Actuator, electrodes: int) -> Layout:
+def layout_of(actuator: ActuatorParameters, electrodes: int) -> Layout:
     """Return the layout; refuse terms without a Verilog-A form by name."""
     kinds = {type(term) for term in actuator.terms}
     missing = [kind.name() for kind in SMOOTH_TERMS if kind not in kinds]
@@ -644,7 +638,7 @@ def number(value: Any) -> str:
     return repr(float(value))
 
 
-def term_numbers(actuator: Actuator) -> list[tuple[str, str]]:
+def term_numbers(actuator: ActuatorParameters) -> list[tuple[str, str]]:
     """Return the numbers of terms, by name, and their names in the module."""
     return [
         (f"{term.name()}.{name}", f"{term.name()}_{name}")
@@ -653,7 +647,7 @@ def term_numbers(actuator: Actuator) -> list[tuple[str, str]]:
     ]
 
 
-def bounded_ranges(actuator: Actuator) -> dict[str, str]:
+def bounded_ranges(actuator: ActuatorParameters) -> dict[str, str]:
     """Return the ranges of parameters that depend on others, as `Term.bounds` has them."""
     edge = f"{number(2.0 * YIELDING_SHARE)}*(d - delta)/tilted_plate_length"
     size = f"[{number(2.0 * (1.0 - BOUND_RTOL))}*(d + delta):inf)"
@@ -747,7 +741,7 @@ MEANINGS = {
 }
 
 
-def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
+def verilog_a(actuator: ActuatorParameters, name: str, electrodes: int = 1) -> str:
     """Return the module of a device."""
     if actuator.units != "SI":
         problem = "the ports of a circuit are in V, A, m and N; export a device in SI"
@@ -817,7 +811,9 @@ def wrapped(kind: str, names: Iterable[str]) -> list[str]:
     return [f"  {kind} {each};" for each in [*lines, *([row] if row else [])]]
 
 
-def write_verilog_a(actuator: Actuator, path: str | PathLike[str], electrodes: int = 1) -> None:
+def write_verilog_a(
+    actuator: ActuatorParameters, path: str | PathLike[str], electrodes: int = 1
+) -> None:
     """Write the module of a device, named like the file; see `Actuator.to_verilog_a`."""
     place = file_path(path, "the path of a file, such as dev.va")
     text = verilog_a(actuator, module_name(place), electrodes)

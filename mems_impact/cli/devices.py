@@ -19,7 +19,8 @@ def command() -> None:
     """  # noqa: D301 - click looks for the backspace itself
     import pandas as pd
 
-    from mems_impact.actuator.parameters import PARAMETER_NAMES, load_actuator, preset_names
+    from mems_impact.actuator.device_files import load_actuator, preset_names
+    from mems_impact.actuator.parameters import PARAMETER_NAMES
     from mems_impact.actuator.units import PARAMETER_UNITS
 
     rows: list[tuple[str, str, Any, str]] = []

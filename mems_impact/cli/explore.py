@@ -26,7 +26,7 @@ from mems_impact.cli.output import OutputValue, add_json_values, show
 from mems_impact.cli.runtime import write_message
 
 if TYPE_CHECKING:
-    from mems_impact.actuator.parameters import Actuator
+    from mems_impact.actuator.actuator import Actuator
     from mems_impact.explorer.session import Subject
 
 DEFAULT_DEVICE, DEFAULT_PORT = "zhao2004", 5006

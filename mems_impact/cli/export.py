@@ -15,7 +15,7 @@ from mems_impact.cli.options import actuator_from, device_options, drive_options
 from mems_impact.cli.output import add_json_files, show
 
 FMU = "mems_impact.systems.base:HybridSystem.to_fmu"
-VERILOG_A = "mems_impact.actuator.parameters:Actuator.to_verilog_a"
+VERILOG_A = "mems_impact.actuator.actuator:Actuator.to_verilog_a"
 
 
 class Format(NamedTuple):

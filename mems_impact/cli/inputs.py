@@ -80,7 +80,7 @@ def study_of(
     own_options : collection of str, optional
         Options of the command that are allowed beside a study file.
     """
-    from mems_impact.actuator.parameters import names_in_file
+    from mems_impact.actuator.device_files import names_in_file
 
     device = options["device"]
     if "study" in names_in_file(device):
@@ -121,7 +121,7 @@ def _from_file(
 
 def symbol_for(name: str, owner: mi.HybridSystem | mi.Actuator | None) -> str:
     """Return the symbol of a parameter of a device; a parameter of another system unchanged."""
-    from mems_impact.actuator.parameters import Actuator
+    from mems_impact.actuator.actuator import Actuator
     from mems_impact.actuator.system import ActuatorSystem
 
     return symbol_of(name) if isinstance(owner, ActuatorSystem | Actuator) else name

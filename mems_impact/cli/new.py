@@ -101,7 +101,7 @@ def _with_design(template: str, texts: dict[str, str]) -> str:
     InvalidParameter
         If the quantities determine no device.
     """
-    from mems_impact.actuator.parameters import Actuator
+    from mems_impact.actuator.actuator import Actuator
 
     values: dict[str, Any] = {name: _value(text) for name, text in texts.items()}
     if "friction" in texts:

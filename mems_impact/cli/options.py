@@ -25,8 +25,8 @@ from mems_impact.cli.value_types import (
 )
 
 if TYPE_CHECKING:
+    from mems_impact.actuator.actuator import Actuator
     from mems_impact.actuator.drives.base import Drive
-    from mems_impact.actuator.parameters import Actuator
     from mems_impact.systems.state import State
 
 # --- Shared options
@@ -47,7 +47,7 @@ def apply_decorators(*decorators: Decorator) -> Decorator:
 
 def _devices(_ctx: click.Context, _parameter: click.Parameter, begun: str) -> list[CompletionItem]:
     """Return the shell completions of DEVICE: presets and files."""
-    from mems_impact.actuator.parameters import preset_names
+    from mems_impact.actuator.device_files import preset_names
 
     names = [CompletionItem(name) for name in preset_names() if name.startswith(begun)]
     return [*names, CompletionItem(begun, type="file")]
@@ -108,7 +108,7 @@ output_options = apply_decorators(
 
 def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
     """Load the device and apply the values of ``--set``."""
-    from mems_impact.actuator.parameters import load_actuator
+    from mems_impact.actuator.device_files import load_actuator
 
     refuse_system(device)
     actuator = load_actuator(device)
@@ -138,7 +138,7 @@ def refuse_system(device: str) -> None:
 def state_from(initial: Initial, actuator: Actuator) -> State:
     """Return the state that ``--initial`` describes."""
     from mems_impact.actuator.equations import STATES
-    from mems_impact.actuator.system import kicked_state
+    from mems_impact.actuator.state_space import kicked_state
     from mems_impact.systems.state import state_from as state_of
 
     if initial == KICKED:
@@ -277,7 +277,7 @@ def drive_from(
 
 def drive_choice(default_kind: str = DEFAULT_KIND) -> str:
     """Return the kind or file of the drive; for a device file with a drive, that file."""
-    from mems_impact.actuator.parameters import names_in_file
+    from mems_impact.actuator.device_files import names_in_file
 
     context = click.get_current_context()
     chosen: str | None = context.meta.get(KEY, {}).get("choice")
@@ -289,8 +289,8 @@ def drive_choice(default_kind: str = DEFAULT_KIND) -> str:
 
 def drive_source() -> str:
     """Return the Python code that loads the drive's file; empty if options describe the drive."""
+    from mems_impact.actuator.device_files import names_in_file
     from mems_impact.actuator.drives.files import SAMPLE_SUFFIXES
-    from mems_impact.actuator.parameters import names_in_file
 
     path = drive_choice()
     if described_by_options(path):

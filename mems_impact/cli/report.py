@@ -70,7 +70,8 @@ def command(
     import numpy as np
 
     import mems_impact as mi
-    from mems_impact.actuator.parameters import device_text, numbers_for
+    from mems_impact.actuator.device_files import device_text
+    from mems_impact.actuator.parameters import numbers_for
     from mems_impact.actuator.terms.base import drive_unit
 
     actuator = actuator_from(device, changes)

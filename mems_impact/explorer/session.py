@@ -10,10 +10,13 @@ from urllib.parse import urlencode
 
 from mems_impact._util.formatting import label, stem
 from mems_impact._util.units import si_prefixed
+from mems_impact.actuator.actuator import Actuator
+from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.parameters import PARAMETER_MEANINGS, Actuator, load_actuator
-from mems_impact.actuator.system import ActuatorSystem, kicked_state
+from mems_impact.actuator.parameters import PARAMETER_MEANINGS
+from mems_impact.actuator.state_space import kicked_state
+from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.system_files import load_system
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import InvalidParameter, MemsImpactError, RunError

@@ -3,8 +3,8 @@
 import numpy as np
 
 from mems_impact.actuator.automaton import FREE, STUCK, mode_of
+from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.drives import Sine
-from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState

@@ -10,7 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator, load_actuator, preset_names
+from mems_impact.actuator.actuator import Actuator
+from mems_impact.actuator.device_files import load_actuator, preset_names
+from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.errors import InvalidFile, InvalidParameter, MemsImpactError
 
 SET = {

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 import mems_impact as mi
 from mems_impact._util.units import DIMENSIONLESS
-from mems_impact.actuator.parameters import PARAMETER_NAMES, preset_names
+from mems_impact.actuator.device_files import preset_names
+from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.actuator.units import KNOWN_UNITS, DeviceScales
 
 number = st.floats(1e-25, 1e12)

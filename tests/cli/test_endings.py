@@ -164,7 +164,7 @@ def test_an_interrupt_while_a_class_names_its_members(monkeypatch, cli):
     def load(_name):
         type("Owner", (), {"member": Member()})  # as where a class is imported
 
-    monkeypatch.setattr("mems_impact.actuator.parameters.load_actuator", load)
+    monkeypatch.setattr("mems_impact.actuator.device_files.load_actuator", load)
     done = cli(*SIMULATE)
     assert done.err == "mems-impact: interrupted; nothing was written\n"
     assert done.status == 130

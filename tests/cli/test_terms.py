@@ -20,7 +20,7 @@ def test_terms_are_listed(cli):
 
 def test_terms_of_devices_are_listed(cli, monkeypatch):
     held = mi.load_actuator("mita2003").adding(mi.FrameSpring(k1=3.0))
-    monkeypatch.setattr("mems_impact.actuator.parameters.load_actuator", lambda _: held)
+    monkeypatch.setattr("mems_impact.actuator.device_files.load_actuator", lambda _: held)
     assert "frame_spring.k1 = 3 N/m" in cli("devices").out
 
 

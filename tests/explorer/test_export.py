@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.system import kicked_state
+from mems_impact.actuator.state_space import kicked_state
 from mems_impact.explorer.export import device_file, python_of, run_picture
 from mems_impact.explorer.session import first_setting, subject_of_code, subject_of_device
 from mems_impact.explorer.snapshot import take_snapshot

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.equations import STATES
-from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run

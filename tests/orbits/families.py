@@ -4,8 +4,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.drives import Sine
-from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
 from mems_impact.integrators.options import Options

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.drives import Sine
-from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run

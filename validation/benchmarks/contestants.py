@@ -13,8 +13,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from sksundae.cvode import CVODE
 
+from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.drives import Sine
-from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Trajectory, run
 from mems_impact.hybrid.state import HybridState

@@ -12,6 +12,7 @@ import pandas as pd
 from scipy.interpolate import PchipInterpolator
 
 from mems_impact._util.arrays import Floats
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.automaton import MODES, RIGHT_IMPACT, SLIP_END, side_of
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.design.operating_chart import (
@@ -19,13 +20,13 @@ from mems_impact.actuator.design.operating_chart import (
     locate_crisis,
     operating_chart,
 )
+from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.equations import V1, V2
 from mems_impact.actuator.impact_statistics import is_impact
-from mems_impact.actuator.parameters import Actuator, load_actuator
 from mems_impact.actuator.plots import plot_chart
 from mems_impact.actuator.results import ActuatorRun
-from mems_impact.actuator.system import kicked_state
+from mems_impact.actuator.state_space import kicked_state
 from mems_impact.analysis.branch import Branch, continue_solution, switch_branch
 from mems_impact.analysis.orbit import Orbit, find_orbit
 from mems_impact.analysis.special_points import GrazingType, SpecialPoint

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mems_impact._util.arrays import Floats
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.automaton import (
     GUARDS,
     MODES,
@@ -23,7 +24,6 @@ from mems_impact.actuator.automaton import (
 )
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.equations import STATES, V1, V2, X2
-from mems_impact.actuator.parameters import Actuator
 from mems_impact.hybrid.automaton import Automaton
 
 __all__ = ["Transition", "code_name", "transitions"]

@@ -11,10 +11,11 @@ import numpy as np
 
 from mems_impact._util.formatting import stability_name
 from mems_impact.actuator import results
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.automaton import direction_of, side_of
 from mems_impact.actuator.design.energy import arcs_of_orbit, arcs_of_run
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.parameters import Actuator, numbers_for
+from mems_impact.actuator.parameters import numbers_for
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.base import drive_unit
@@ -551,7 +552,7 @@ def period_one_window(
     >>> window.low_kind, f"{window.low:.6f}"
     ('fold', '0.176515')
     """
-    from mems_impact.actuator.system import kicked_state
+    from mems_impact.actuator.state_space import kicked_state
     from mems_impact.analysis.orbit import find_orbit
 
     amplitude = float(drive.amplitude)  # type: ignore[attr-defined]

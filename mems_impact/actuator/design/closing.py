@@ -14,13 +14,13 @@ from scipy.interpolate import CubicHermiteSpline
 from mems_impact._util.arrays import Floats
 from mems_impact._util.quantities import quantity
 from mems_impact._util.warning_scopes import collected_warnings
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.automaton import RIGHT_IMPACT
 from mems_impact.actuator.design.energy import Energy, energy
 from mems_impact.actuator.drives.aperiodic import AperiodicDrive
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.equations import V2, X2
 from mems_impact.actuator.impact_statistics import contact_side, is_impact
-from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.analysis.settling import MOST_DIGITS, digits
 from mems_impact.analysis.simulate import simulate

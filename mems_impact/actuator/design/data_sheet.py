@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from scipy.optimize import brentq
 
@@ -23,7 +23,7 @@ from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER, QUAN
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.design.static_forces import StaticForces
 from mems_impact.actuator.parameter_base import unknown
-from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.state import is_number
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["DataSheet", "actuator_from_design"]
+
+A = TypeVar("A", bound=ActuatorParameters)
 
 PERMITTIVITY = 8.8541878188e-12  # of vacuum [F/m], CODATA 2022
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -201,7 +203,7 @@ def has_plates(terms: Sequence[Term]) -> bool:
 # --- From a data sheet to an actuator
 
 
-def actuator_from_design(design: Mapping[str, Any], terms: Sequence[Term] = ()) -> Actuator:
+def actuator_from_design(kind: type[A], design: Mapping[str, Any], terms: Sequence[Term] = ()) -> A:
     """Return the actuator of a data sheet; see `Actuator.from_design`."""
     known = _numbers(design)
     relations = relations_of(terms)
@@ -222,7 +224,7 @@ def actuator_from_design(design: Mapping[str, Any], terms: Sequence[Term] = ()) 
             raise _missing(name, known, relations)
     values = {parameter: known[name] for parameter, name in OF_PARAMETER.items()}
     try:
-        actuator = Actuator(**values, units="SI", terms=tuple(terms))
+        actuator = kind(**values, units="SI", terms=tuple(terms))
     except InvalidParameter as error:
         raise _by_quantities(error) from None
     if by_voltage:
@@ -366,7 +368,7 @@ def _missing(
     return InvalidParameter(name, None, "", problem=problem)
 
 
-def _with_voltage(actuator: Actuator, name: str, voltage: float) -> Actuator:
+def _with_voltage(actuator: A, name: str, voltage: float) -> A:
     """Return the device with the electrode constant at which it has a pull-in or release voltage.
 
     The squared voltage is nearly inverse to the constant, so that the iteration converges.
@@ -386,7 +388,7 @@ def _with_voltage(actuator: Actuator, name: str, voltage: float) -> Actuator:
 # --- From an actuator to a data sheet
 
 
-def _capacitance(actuator: Actuator) -> float:
+def _capacitance(actuator: ActuatorParameters) -> float:
     """Return the capacitance of the right electrode without voltage, at x2 = 0."""
     return float(actuator.scales.out(StaticForces(actuator).capacitance(), "F"))
 
@@ -417,7 +419,7 @@ class DataSheet(Mapping[str, Any]):
     True
     """
 
-    actuator: Actuator
+    actuator: ActuatorParameters
 
     def __post_init__(self) -> None:
         if self.actuator.units != "SI":
@@ -446,7 +448,7 @@ class DataSheet(Mapping[str, Any]):
         values: dict[str, Any] = {name: known[name] for name in QUANTITIES if name in known}
         return values | ({"terms": self.actuator.terms} if self.actuator.terms else {})
 
-    def _voltage(self, compute: Callable[[Actuator], float]) -> float | None:
+    def _voltage(self, compute: Callable[[ActuatorParameters], float]) -> float | None:
         try:
             return compute(self.actuator) or None
         except InvalidParameter:  # of terms whose equilibrium is unknown

@@ -14,15 +14,12 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import impact_law
-from mems_impact.actuator.energy_accounting import (
-    SUMMED,
-    EnergyAccounts,
-    accounts,
-)
+from mems_impact.actuator.energy_accounting import SUMMED, EnergyAccounts, accounts
 from mems_impact.actuator.equations import V1, V2
 from mems_impact.actuator.impact_statistics import each_blow, is_impact
-from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
-from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.actuator.numerics import ActuatorNumerics
+from mems_impact.analysis.orbit import Orbit
+from mems_impact.analysis.run import Run
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import unguarded
 from mems_impact.hybrid.event_loop import workspace
@@ -61,7 +58,7 @@ class EnergyArc(NamedTuple):
     row: int
 
 
-def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[EnergyArc]:
+def arcs_of_run(run: Any, log: Events, first: float) -> Iterator[EnergyArc]:
     """Yield the arcs of a run, from the arc that contains the start of period `first`.
 
     Each starts from the state in the run, so that a chaotic motion is reproduced.
@@ -100,7 +97,7 @@ def _slip(problem: Problem, start: HybridState) -> float:
     return speed / slowing if speed * slowing > 0.0 else math.inf
 
 
-def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[EnergyArc]:
+def arcs_of_orbit(orbit: Any) -> Iterator[EnergyArc]:
     """Return the arcs of an orbit, with rows of its event log."""
     solution = orbit.numeric
     cyclic = list(solution.problem.automaton.cyclic)
@@ -156,13 +153,13 @@ class WorkSums:
     marks: Mapping[str, NDArray[np.int64]]
 
 
-def accounts_of(system: ActuatorSystem) -> EnergyAccounts:
+def accounts_of(system: ActuatorNumerics) -> EnergyAccounts:
     """Return the losses and stored energies of a system."""
     kinds = tuple(term.kind for term in system.actuator.terms)
     return accounts(kinds, 1 if system.drive.left_voltage is None else 2)
 
 
-def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
+def accounted_problem(system: ActuatorNumerics, options: Options) -> Problem:
     """Return the problem of single arcs, with work and losses as additional states.
 
     The integration is interpreted, since thousands of arcs take less time than compilation. A
@@ -177,7 +174,7 @@ def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
 class ArcNotes:
     """Records work and losses during the integration of arcs."""
 
-    def __init__(self, system: ActuatorSystem, problem: Problem) -> None:
+    def __init__(self, system: ActuatorNumerics, problem: Problem) -> None:
         accounts, drive = accounts_of(system), system.source
         self.problem, self.n = problem, len(system.states)
         self.stored = tuple(accounts.stored.values())
@@ -215,7 +212,7 @@ class ArcNotes:
 
 
 def summed(
-    system: ActuatorSystem,
+    system: ActuatorNumerics,
     options: Options,
     arcs: Iterator[EnergyArc],
     window: tuple[float, float],
@@ -225,7 +222,7 @@ def summed(
 
     Parameters
     ----------
-    system : ActuatorSystem
+    system : ActuatorNumerics
     options : Options
         Options of the integration.
     arcs : iterator of EnergyArc
@@ -310,7 +307,7 @@ class Energy(Result):
 
     Attributes
     ----------
-    system : ActuatorSystem
+    system : ActuatorNumerics
     periods : float
         Duration of the balance in forcing periods.
     sums : WorkSums
@@ -334,7 +331,7 @@ class Energy(Result):
     (30, 0.0)
     """
 
-    system: ActuatorSystem = field(repr=False)
+    system: ActuatorNumerics = field(repr=False)
     periods: float
     sums: WorkSums = field(repr=False)
     end: int = field(repr=False)
@@ -472,9 +469,7 @@ def _heading(key: tuple[str, str]) -> str:
     return kind if kind == "in" else f"{kind} {name}"
 
 
-def energy(
-    motion: ActuatorRun | ActuatorOrbit, first: float | None = None, last: float | None = None
-) -> Energy:
+def energy(motion: Run | Orbit, first: float | None = None, last: float | None = None) -> Energy:
     """Compute the energy balance of a run or an orbit.
 
     The arcs of the motion are integrated again from their initial states, with work and losses as
@@ -523,16 +518,16 @@ def energy(
     >>> found.table["account"].tolist()
     ['electrodes', 'friction', 'damping', 'impacts', 'kinetic', 'spring']
     """
-    if isinstance(motion, ActuatorOrbit):
-        return _of_orbit(motion, first, last)
-    if not isinstance(motion, ActuatorRun):
+    if not isinstance(getattr(motion, "system", None), ActuatorNumerics):
         raise InvalidParameter("motion", motion, "a run or an orbit of an actuator")
+    if isinstance(motion, Orbit):
+        return _of_orbit(motion, first, last)
     if first is None and last is None:
         motion.warn_of_transient()
     return _of_run(motion, first, last)
 
 
-def _of_run(run: ActuatorRun, first: float | None, last: float | None) -> Energy:
+def _of_run(run: Any, first: float | None, last: float | None) -> Energy:
     if run.keep != "events":
         allowed = "'events' for its energy; simulate again with keep='events'"
         raise InvalidParameter("keep", run.keep, allowed)
@@ -549,7 +544,7 @@ def _of_run(run: ActuatorRun, first: float | None, last: float | None) -> Energy
     return Energy(system=run.system, periods=high - low, sums=sums, end=sums.instants.size - 1)
 
 
-def _of_orbit(orbit: ActuatorOrbit, first: float | None, last: float | None) -> Energy:
+def _of_orbit(orbit: Any, first: float | None, last: float | None) -> Energy:
     if first is not None or last is not None:
         raise InvalidParameter("first, last", (first, last), "None for an orbit")
     log, length = orbit.log, float(orbit.periods)
@@ -575,7 +570,7 @@ def _with_next_blow(sums: WorkSums, length: float) -> WorkSums:
     )
 
 
-def _beginnings(log: Events, system: ActuatorSystem) -> set[int]:
+def _beginnings(log: Events, system: ActuatorNumerics) -> set[int]:
     """Return the rows of the first impacts of blows."""
     first = each_blow(log, system.inner_actuator).first
     begins = set(zip(first.cycle.tolist(), first.time.tolist(), first.guard.tolist(), strict=True))

@@ -16,14 +16,10 @@ from mems_impact._util.bisection import discontinuity
 from mems_impact._util.quantities import has_unit, percentage, quantity
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator import results
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.parameters import (
-    PARAMETER_NAMES,
-    Actuator,
-    numbers_for,
-    parameter_named,
-)
+from mems_impact.actuator.parameters import PARAMETER_NAMES, numbers_for, parameter_named
 from mems_impact.actuator.plausibility import check_plausible_target
 from mems_impact.actuator.terms.base import drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mems_impact.actuator import results
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.automaton import BREAK_AWAY, direction_of
 from mems_impact.actuator.design.energy import accounted_problem
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.equations import V1, X1
 from mems_impact.actuator.model import compose
-from mems_impact.actuator.parameters import Actuator, numbers_for
+from mems_impact.actuator.parameters import numbers_for
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.frame_force import FrameForce

@@ -20,17 +20,14 @@ import numpy as np
 from mems_impact._util.bisection import bisect
 from mems_impact._util.progress import Watch
 from mems_impact.actuator import results
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS, SLIP_END
-from mems_impact.actuator.design.characteristics import (
-    STABILITY_LOSS_LABELS,
-    end_of,
-    lasts_until,
-)
+from mems_impact.actuator.design.characteristics import STABILITY_LOSS_LABELS, end_of, lasts_until
 from mems_impact.actuator.design.estimates import contact_voltage, pull_in_charge
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.parameters import Actuator
-from mems_impact.actuator.system import ActuatorSystem, kicked_state
+from mems_impact.actuator.state_space import kicked_state
+from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.base import Term
 from mems_impact.analysis.attractor import (
     STUDY_OPTIONS,

@@ -14,13 +14,13 @@ from scipy.optimize import minimize
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.quantities import quantities
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.design.closing import Closing, closing, natural_period, run_of
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drives.pulse_and_hold import PulseAndHold
 from mems_impact.actuator.drives.voltage_step import VoltageStep
 from mems_impact.actuator.equations import V2
 from mems_impact.actuator.impact_statistics import is_impact
-from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.errors import InvalidParameter

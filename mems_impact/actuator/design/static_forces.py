@@ -14,7 +14,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact.actuator import impact_law
 from mems_impact.actuator.equations import STATES, V1, V2, X2
 from mems_impact.actuator.model import compose
-from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.charge_drive import ChargeDrive
 from mems_impact.errors import InvalidParameter
@@ -39,7 +39,7 @@ class StaticForces:
         In any units; attributes and results are dimensionless.
     """
 
-    def __init__(self, actuator: Actuator) -> None:
+    def __init__(self, actuator: ActuatorParameters) -> None:
         self.actuator, self._given = actuator.to_dimensionless(), actuator.terms
         terms = [term for term in self.actuator.terms if term.layer == 0]
         charged = [term for term in self.actuator.terms if isinstance(term, ChargeDrive)]
@@ -215,7 +215,7 @@ class StaticForces:
                 raise InvalidParameter("terms", self._given, "", problem=problem)
 
 
-def parameters_of(actuator: Actuator, terms: Sequence[Term]) -> Floats:
+def parameters_of(actuator: ActuatorParameters, terms: Sequence[Term]) -> Floats:
     """Return the parameter array of the equations of a dimensionless actuator with `terms`."""
     scales = actuator.scales
     return np.concatenate([actuator.to_array(), *(term.numbers(scales) for term in terms)])

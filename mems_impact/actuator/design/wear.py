@@ -9,8 +9,8 @@ from mems_impact._util.quantities import quantity
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.design.energy import accounted_problem, energy
 from mems_impact.actuator.model import compose
+from mems_impact.actuator.numerics import ActuatorNumerics
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
-from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.systems.result import SummaryRepr
@@ -164,7 +164,7 @@ def life(
     )
 
 
-def of_weight(system: ActuatorSystem) -> float:
+def of_weight(system: ActuatorNumerics) -> float:
     """Return the normal force of the weight; InvalidParameter if friction requires a larger one."""
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     p = accounted_problem(system, Options()).parameters.copy()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mems_impact.actuator.automaton import FORWARD, FREE, RIGHT, SLIP_END, STUCK, mode_of
+from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.impact_statistics import energy_lost, frame_steps, is_impact
-from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events
 
