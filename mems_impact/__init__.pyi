@@ -8,6 +8,7 @@ from .actuator.design.characteristics import duty_cycle as duty_cycle
 from .actuator.design.characteristics import frequency_response as frequency_response
 from .actuator.design.characteristics import period_one_window as period_one_window
 from .actuator.design.characteristics import speed_over_voltage as speed_over_voltage
+from .actuator.design.chart_construction import operating_chart as operating_chart
 from .actuator.design.closing import Closing as Closing
 from .actuator.design.closing import closing as closing
 from .actuator.design.data_sheet import DataSheet as DataSheet
@@ -22,7 +23,6 @@ from .actuator.design.fit import fit as fit
 from .actuator.design.force_curve import ForceCurve as ForceCurve
 from .actuator.design.force_curve import force_curve as force_curve
 from .actuator.design.operating_chart import OperatingChart as OperatingChart
-from .actuator.design.operating_chart import operating_chart as operating_chart
 from .actuator.design.ring_down import RingDown as RingDown
 from .actuator.design.ring_down import ring_down as ring_down
 from .actuator.design.soft_landing import SoftLanding as SoftLanding

@@ -20,6 +20,7 @@ from mems_impact._util.formatting import stability_name
 from mems_impact._util.progress import progress_bar
 from mems_impact._util.warning_scopes import collected_warnings, first_of_each
 from mems_impact.actuator.actuator import Actuator
+from mems_impact.actuator.design.chart_construction import operating_chart
 from mems_impact.actuator.design.data_sheet import SLIPS, DataSheet
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.design.energy import energy
@@ -29,7 +30,6 @@ from mems_impact.actuator.design.estimates import (
     pull_in_voltage,
     resting_voltage,
 )
-from mems_impact.actuator.design.operating_chart import operating_chart
 from mems_impact.actuator.design.wear import life
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine

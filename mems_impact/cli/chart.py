@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 CRISES = 7  # default of `operating_chart`
 MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
 
-FUNCTION = "mems_impact.actuator.design.operating_chart:operating_chart"
+FUNCTION = "mems_impact.actuator.design.chart_construction:operating_chart"
 
 
 @click.command(cls=Command, short_help="Chart the switching voltages over the frequency.")

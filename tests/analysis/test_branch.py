@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.design import operating_chart
-from mems_impact.actuator.design.operating_chart import locate_crisis
+from mems_impact.actuator.design import chart_construction
+from mems_impact.actuator.design.thresholds import locate_crisis
 from mems_impact.actuator.units import DeviceScales
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
 
@@ -305,7 +305,7 @@ def test_the_band_of_a_chart_is_about_the_resonance():
 
 def default_band(device, bias=0.0):
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
-    return operating_chart._band(device.under(drive))
+    return chart_construction._band(device.under(drive))
 
 
 def test_a_chart_without_a_band_says_what_it_found():
@@ -335,7 +335,7 @@ def test_a_chart_without_types_has_the_voltages_at_single_frequencies():
 
 def test_a_stopper_before_pull_in_bounds_the_search():
     device = ZHAO.replace(delta=0.2)
-    maker = operating_chart.ChartBuilder(
+    maker = chart_construction.ChartBuilder(
         device.under(mi.Sine(amplitude=0.0, omega=1.0)),
         ORBIT_OPTIONS,
         mi.StepControl(),

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 import mems_impact as mi
-from mems_impact.actuator.design.operating_chart import locate_crisis
+from mems_impact.actuator.design.thresholds import locate_crisis
 from validation.campaign.result import Result
 
 DEVICE = mi.load_actuator("zhao2004")

@@ -14,12 +14,10 @@ from scipy.interpolate import PchipInterpolator
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.automaton import MODES, RIGHT_IMPACT, SLIP_END, side_of
+from mems_impact.actuator.design.chart_construction import operating_chart
 from mems_impact.actuator.design.estimates import pull_in_voltage
-from mems_impact.actuator.design.operating_chart import (
-    OperatingChart,
-    locate_crisis,
-    operating_chart,
-)
+from mems_impact.actuator.design.operating_chart import OperatingChart
+from mems_impact.actuator.design.thresholds import locate_crisis
 from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.equations import V1, V2

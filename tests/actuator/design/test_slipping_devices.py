@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.design import operating_chart
+from mems_impact.actuator.design import chart_construction, thresholds
 from tests.actuator.slipping import LIGHT, PULLED, SLIPPING, random_device
 
 pytestmark = pytest.mark.nightly
@@ -150,14 +150,14 @@ SLIDING = mi.Actuator.from_design(
 def test_impacts_far_above_the_onset_of_slip_begin_where_an_orbit_ends(monkeypatch):
     """The end of the orbit without impacts is continued, and simulations only lead to it."""
     amplitudes = []
-    settled = operating_chart.settled
+    settled = thresholds.settled
 
     def counted(system, *more):
         amplitudes.append(system.drive.amplitude)
         return settled(system, *more)
 
-    monkeypatch.setattr(operating_chart, "settled", counted)
-    monkeypatch.setattr(operating_chart, "FREQUENCY_COLUMNS", 3)
+    monkeypatch.setattr(thresholds, "settled", counted)
+    monkeypatch.setattr(chart_construction, "FREQUENCY_COLUMNS", 3)
     chart = mi.operating_chart(SLIDING, frequency=(9937.5, 10500.0), crises=0)
     on = chart.table[chart.table["boundary"] == "on"]
     assert set(on["kind"]) == {"fold", "grazing"}
@@ -189,7 +189,7 @@ def test_a_frame_that_slips_far_below_pull_in():
 
 
 def test_an_interrupted_chart_keeps_the_finished_frequencies(monkeypatch):
-    onset, begun = operating_chart.onset, []
+    onset, begun = chart_construction.onset, []
 
     def interrupted(*arguments):
         begun.append(arguments)
@@ -197,7 +197,7 @@ def test_an_interrupted_chart_keeps_the_finished_frequencies(monkeypatch):
             raise KeyboardInterrupt
         return onset(*arguments)
 
-    monkeypatch.setattr(operating_chart, "onset", interrupted)
+    monkeypatch.setattr(chart_construction, "onset", interrupted)
     with pytest.raises(mi.Interrupted, match="after 2 of 3 parts") as caught:
         mi.operating_chart(SLIPPING, frequency=(470, 500), crises=3, periods=300, workers=1)
     table = caught.value.partial.table
@@ -215,4 +215,4 @@ def test_windows_of_equal_impacts_heed_interruptions():
     system = SLIPPING.under(PULLED)
     orbit = mi.find_orbit(system, guess=mi.kicked_state(SLIPPING), transient=300)
     with pytest.raises(Stopped):
-        operating_chart.steady(system, 50.0, 90.0, orbit.state, watch)
+        thresholds.steady(system, 50.0, 90.0, orbit.state, watch)
