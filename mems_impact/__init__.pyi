@@ -17,9 +17,6 @@ from .actuator.design.energy import energy as energy
 from .actuator.design.estimates import pull_in_charge as pull_in_charge
 from .actuator.design.estimates import pull_in_voltage as pull_in_voltage
 from .actuator.design.estimates import resting_voltage as resting_voltage
-from .actuator.design.fit import Fit as Fit
-from .actuator.design.fit import Target as Target
-from .actuator.design.fit import fit as fit
 from .actuator.design.force_curve import ForceCurve as ForceCurve
 from .actuator.design.force_curve import force_curve as force_curve
 from .actuator.design.operating_chart import OperatingChart as OperatingChart
@@ -28,6 +25,7 @@ from .actuator.design.ring_down import ring_down as ring_down
 from .actuator.design.soft_landing import SoftLanding as SoftLanding
 from .actuator.design.soft_landing import soft_landing as soft_landing
 from .actuator.design.step_length import step_length as step_length
+from .actuator.design.targets import Target as Target
 from .actuator.design.wear import WearLife as WearLife
 from .actuator.design.wear import life as life
 from .actuator.device_files import load_actuator as load_actuator
@@ -138,6 +136,7 @@ from .plotting.bifurcation import plot_branch as plot_branch
 from .plotting.bifurcation import plot_curve as plot_curve
 from .plotting.bifurcation import plot_diagram as plot_diagram
 from .plotting.bifurcation import plot_sweep as plot_sweep
+from .plotting.fits import plot_fit as plot_fit
 from .plotting.maps import plot_basins as plot_basins
 from .plotting.maps import plot_map as plot_map
 from .plotting.return_maps import plot_manifold as plot_manifold
@@ -155,6 +154,8 @@ from .studies.basins import basins as basins
 from .studies.bifurcation_diagram import BifurcationDiagram as BifurcationDiagram
 from .studies.diagram_construction import bifurcation_diagram as bifurcation_diagram
 from .studies.engine.store import StoredStudy as StoredStudy
+from .studies.fit import Fit as Fit
+from .studies.fit import fit as fit
 from .studies.jax_function import jax_function as jax_function
 from .studies.operating_map import OperatingMap as OperatingMap
 from .studies.operating_map import operating_map as operating_map
@@ -162,6 +163,7 @@ from .studies.optimize import Optimum as Optimum
 from .studies.optimize import ParetoFront as ParetoFront
 from .studies.optimize import optimize as optimize
 from .studies.optimize import pareto_front as pareto_front
+from .studies.records import Record as Record
 from .studies.sensitivity import Sensitivity as Sensitivity
 from .studies.sensitivity import bifurcation_margins as bifurcation_margins
 from .studies.sensitivity import sensitivity as sensitivity

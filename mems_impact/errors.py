@@ -610,7 +610,7 @@ class FitWarning(UserWarning):
     >>> pull_in = mi.Target(quantity="pull-in voltage", value=35)
     >>> with warnings.catch_warnings(record=True) as caught:
     ...     warnings.simplefilter("always")
-    ...     found = mi.fit(mita, [pull_in], over=["k", "alpha"])  # one number, two parameters
+    ...     found = mi.fit(mita, [pull_in], free=["k", "alpha"])  # one number, two parameters
     >>> found.verdict, [warning.category.__name__ for warning in caught]
     ('undetermined', ['FitWarning'])
     """

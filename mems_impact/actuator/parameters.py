@@ -169,6 +169,11 @@ class ActuatorParameters(Checked):
         terms = [term_with(name, self.term(name), numbers) for name, numbers in of_terms.items()]
         return device.adding(*terms) if terms else device
 
+    @staticmethod
+    def _symbol(name: str, field: str = "") -> str:
+        """Return the parameter that a data sheet calls so."""
+        return parameter_named(name, field)
+
     def term(self, name: str) -> Term | None:
         """Return the term with a name; None if the device has no such term."""
         return next((term for term in self.terms if term.name() == name), None)

@@ -49,8 +49,6 @@ __all__ = [
     "chart_points",
     "chart_types",
     "duty",
-    "fit_parameters",
-    "fit_residuals",
     "impacts",
     "load",
     "speed",
@@ -165,52 +163,6 @@ def chart_points(
     """Return one row per point of codimension two: kind and the `parameters`."""
     columns = {"kind": texts(row["kind"] for row in rows), **parameter_columns(parameters, rows)}
     return table({}, labels, user_columns=columns)
-
-
-def fit_parameters(
-    names: Sequence[str],
-    start: Sequence[float],
-    fitted: Sequence[float],
-    limits: Floats,
-    errors: Floats,
-    determined: NDArray[np.bool_],
-    at_bound: NDArray[np.bool_],
-) -> pd.DataFrame:
-    """Return one row per free parameter of a fit; `errors` are relative."""
-    import pandas as pd  # imported on first use, which a run without tables need not wait for
-
-    columns = {
-        "parameter": texts(names),
-        "start": list(start),
-        "fitted": list(fitted),
-        "low": limits[:, 0],
-        "high": limits[:, 1],
-        "standard error": np.array(fitted) * errors,
-        "determined": determined,
-        "at bound": at_bound,
-    }
-    return pd.DataFrame(columns)
-
-
-def fit_residuals(
-    quantities: Sequence[str],
-    drives: Sequence[str],
-    measured: Floats,
-    computed: Floats,
-    tolerances: Floats,
-) -> pd.DataFrame:
-    """Return one row per target of a fit."""
-    import pandas as pd
-
-    columns = {
-        "quantity": texts(quantities),
-        "drive": texts(drives),
-        "measured": measured,
-        "computed": computed,
-        "difference": computed - measured,
-        "in tolerances": (computed - measured) / tolerances,
-    }
-    return pd.DataFrame(columns)
 
 
 def speed(

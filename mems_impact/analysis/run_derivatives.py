@@ -122,7 +122,7 @@ class RunDerivatives:
     def samples(
         self, times: Sequence[float], side: Literal["after", "before"] = "after"
     ) -> pd.DataFrame:
-        """Return the derivatives of the state at some times.
+        """Return the state at some times, and its derivatives by time and by the quantities.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class RunDerivatives:
         Returns
         -------
         DataFrame
-            Time and derivatives; one row per time.
+            One row per time: ``x``, ``dx/dt``, ``dx/de``.
         """
         if side not in ("after", "before"):
             raise InvalidParameter("side", side, "'after' or 'before'")
@@ -148,10 +148,23 @@ class RunDerivatives:
         here = np.flatnonzero(columns.rows < 0)
         here = here[np.argsort(np.argsort(scaled, kind="stable"))]
         rates = np.outer(columns.bases[here], self.quantities.period_rates)
-        states = columns.before[here] - columns.slopes[here, 0, :, None] * rates[:, None]
+        slopes = columns.slopes[here, 0]
+        states = columns.before[here] - slopes[:, :, None] * rates[:, None]
+        values = run_tables.states(system.automaton.states, columns.states[here])
+        unit = float(system.units.out("time", 1.0))
         import pandas as pd
 
-        return pd.DataFrame({"t": at, **self._flat(None, states)})
+        return pd.DataFrame(
+            {
+                "t": at,
+                **{name: system.units.out(name, each) for name, each in values.items()},
+                **{
+                    f"d{name}/dt": system.units.out(name, slopes[:, i]) / unit
+                    for i, name in enumerate(values)
+                },
+                **self._flat(None, states),
+            }
+        )
 
     def of(self, function: Callable[[Run], float]) -> pd.Series:
         """Return the gradient of a scalar function of the run.

@@ -1,14 +1,15 @@
-"""`mems-impact fit`: parameters of a device from measurements."""
+"""`mems-impact fit`: parameters of a device or system from measurements."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from mems_impact._util.quantities import has_unit
 from mems_impact.cli.arguments import Command, function_options
-from mems_impact.cli.inputs import arguments_for
+from mems_impact.cli.inputs import arguments_for, load_subject
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -18,22 +19,30 @@ from mems_impact.cli.options import (
 )
 from mems_impact.cli.output import OutputValue, add_json_values, filled, show, show_table
 from mems_impact.cli.runtime import FAILED
-from mems_impact.cli.value_types import assignment
+from mems_impact.cli.value_types import AssignmentType, assignment
 
 if TYPE_CHECKING:
     import mems_impact as mi
 
 TARGET = "QUANTITY=VALUE[+-TOLERANCE][ at NAME=NUMBER,…]"
 
-FUNCTION = "mems_impact.actuator.design.fit:fit"
+FUNCTION = "mems_impact.studies.fit:fit"
 
 
 @click.command(cls=Command, short_help="Fit parameters of a device to measurements.")
 @device_options
 @click.option(
-    "--target", "targets", multiple=True, required=True, metavar=TARGET,
+    "--target", "targets", multiple=True, metavar=TARGET,
     help="A measured value, such as 'displacement per blow=20 nm+-5%', 'mean speed' [m/s], "
     "'pull-in voltage' [V], 'resonance' [rad/s]; '1.2 kHz' is a resonance, too. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--record", "records", multiple=True, type=click.Path(exists=True, dir_okay=False),
+    help="A CSV file with a column t, and columns of states, or a column event. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--error", "errors", multiple=True, type=AssignmentType(),
+    help="Standard error of a column of the records, such as x2=1e-9. May be repeated.",
 )  # fmt: skip
 @function_options(FUNCTION)
 @drive_options
@@ -45,13 +54,15 @@ def command(
     device: str,
     changes: dict[str, float],
     targets: tuple[str, ...],
+    records: tuple[str, ...],
+    errors: tuple[tuple[str, float], ...],
     output: str | None,
 ) -> None:
     """Fit parameters of DEVICE to measurements.
 
     \b
     Example:
-      mems-impact fit mita2003 --over k --amplitude 100 --frequency 1 \\
+      mems-impact fit mita2003 --free k --amplitude 100 --frequency 1 \\
         --target "displacement per blow=15e-9+-1e-9"
 
     \b
@@ -66,38 +77,68 @@ def command(
     it. Parameters after "at" change the voltage for that target, such as "at amplitude=60". The
     search starts at the values of DEVICE.
 
-    The command shows parameters and residuals and writes them as CSV tables. The exit status is 1
-    if a residual exceeds three tolerances or the data do not determine a parameter.
+    With --record, DEVICE may be a system of your own, FILE.py:NAME or MODULE:NAME. Besides
+    parameters, --free takes initial states (x0.x2), the delay of the clock of the record, and
+    offsets of its columns (offset.x2).
+
+    The command shows parameters and residuals and writes them as CSV tables and a figure. The exit
+    status is 1 if the fit misses the data or these do not determine a parameter.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.parameters import parameter_named
+    from mems_impact.actuator.actuator import Actuator
     from mems_impact.cli.output import Output
 
-    actuator = actuator_from(device, changes)
-    arguments = arguments_for(FUNCTION, actuator)
-    measured = [_target(text) for text in targets]
-    with Output(output, None, True, "fit") as files:
-        result = mi.fit(actuator, measured, **arguments)
+    if not targets and not records:
+        raise click.UsageError("--target, or --record: required")
+    system = _subject(device, changes)
+    arguments = arguments_for(FUNCTION, system)
+    data: list[Any] = [_target(text) for text in targets]
+    data += [_record(path, dict(errors)) for path in records]
+    if records and isinstance(system, Actuator):
+        arguments["drive"] = drive_from()
+    with Output(output, None, not records, "fit") as files:
+        result = mi.fit(system, data, **arguments)
         files.tables({"parameters": result.parameters, "residuals": result.residuals})
+        if records:
+            files.draw(lambda: mi.plot_fit(result).figure)
         add_json_values(
             {name: OutputValue(getattr(result, name)) for name in ("verdict", "note", "misfit")}
         )
         if result.verdict == "good":  # a warning tells any other verdict
             show(filled(f"{result.verdict}: {result.note}") + "\n")
         show_table("parameters", result.parameters, digits=6)
-        show_table("residuals", result.residuals, digits=6)
-        names = map(parameter_named, arguments["over"])
-        fitted = {**changes, **{name: getattr(result.actuator, name) for name in names}}
-        device_options = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
-        show(f"Fitted device, for other commands: {device} {device_options}\n")
+        if not records:
+            show_table("residuals", result.residuals, digits=6)
+        parameters = {n: v for n, v in result.values.items() if n in result.shared_parameters}
+        options = " ".join(f"--set {n}={v!r}" for n, v in {**changes, **parameters}.items())
+        show(f"Fitted device, for other commands: {device} {options}\n")
         files.show()
     if result.verdict != "good":
         ctx.exit(FAILED)
 
 
+def _subject(device: str, changes: dict[str, float]) -> Any:
+    """Return a device without a drive, or a system."""
+    from mems_impact.actuator.system_files import is_system_name
+
+    if is_system_name(device) and not Path(device).exists():
+        return load_subject(device, changes)
+    return actuator_from(device, changes)
+
+
+def _record(path: str, errors: dict[str, float]) -> mi.Record:
+    import mems_impact as mi
+    from mems_impact.studies.records import table_of
+
+    table = table_of("record", path)
+    field = "events" if "event" in table else "samples"
+    known = {name: error for name, error in errors.items() if name in table}
+    return mi.Record(**{field: table}, errors=known)
+
+
 def _target(text: str) -> mi.Target:
     import mems_impact as mi
-    from mems_impact.actuator.design.fit import OF_RUN
+    from mems_impact.actuator.design.targets import OF_RUN
 
     target, _, under = text.partition(" at ")
     quantity, _, number = (part.strip() for part in target.partition("="))

@@ -25,7 +25,7 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     charge drive, the command shows the pull-in charge and the resonance.
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.actuator.design.estimates import pull_in_charge
-    from mems_impact.actuator.design.fit import OF_DEVICE
+    from mems_impact.actuator.design.targets import OF_DEVICE
     from mems_impact.actuator.terms.base import drive_unit
     from mems_impact.errors import InvalidParameter
 

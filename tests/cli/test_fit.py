@@ -9,7 +9,7 @@ import mems_impact as mi
 
 MITA = mi.load_actuator("mita2003")
 VOLTAGE = ["--amplitude", "100", "--frequency", "1"]
-FIT = ["fit", "mita2003", "--over", "k"]
+FIT = ["fit", "mita2003", "--free", "k"]
 BLOW = "displacement per blow=20e-9"
 
 
@@ -35,12 +35,12 @@ def test_fit_is_that_of_python(cli, tmp_path):
     assert done.out.startswith("good: the data determine all free parameters\n")
     drive = mi.Sine(amplitude=100, omega=2 * math.pi)
     target = mi.Target(quantity="displacement per blow", value=20e-9, drive=drive)
-    found = mi.fit(MITA.replace(k=4, c=6e-4), [target], over=["k"])
+    found = mi.fit(MITA.replace(k=4, c=6e-4), [target], free=["k"])
     # As options of the next command, with what was changed before.
-    assert f"mita2003 --set k={found.actuator.k!r} --set c=0.0006\n" in done.out
+    assert f"mita2003 --set k={found.system.k!r} --set c=0.0006\n" in done.out
     assert "out/fit-parameters.csv, out/fit-residuals.csv" in done.out.splitlines()[-1]
     written = pd.read_csv(tmp_path / "out" / "fit-parameters.csv")
-    assert written["fitted"][0] == pytest.approx(found.actuator.k, rel=1e-15)
+    assert written["fitted"][0] == pytest.approx(found.system.k, rel=1e-15)
     assert len(list((tmp_path / "out").iterdir())) == 2
 
 
@@ -52,28 +52,28 @@ def test_targets_under_other_voltages_and_of_the_device(cli, tmp_path):
         for volts in (60, 100)
     }  # fmt: skip
     done = cli(
-        *FIT, "--over", "e", "--set", "k=4.5", "--set", "e=0.75", *VOLTAGE,
+        *FIT, "--free", "e", "--set", "k=4.5", "--set", "e=0.75", *VOLTAGE,
         "--target", f"displacement per blow={measured[100]!r}",
         "--target", f"displacement per blow={measured[60]!r}+-1e-11 at amplitude=60, frequency=1",
         "--target", f"pull-in voltage = {mi.pull_in_voltage(MITA)!r} +- 0.1",
     )  # fmt: skip
     assert done.status == 0
     table = pd.read_csv(tmp_path / "out" / "fit-residuals.csv")
-    assert table["drive"].str.contains("amplitude = 60 V").tolist()[:2] == [False, True]
-    differences = table["difference"] / table["in tolerances"]
+    assert table["record"].str.contains("amplitude = 60 V").tolist()[:2] == [False, True]
+    differences = table["difference"] / table["in standard errors"]
     assert differences.tolist() == pytest.approx([0.01 * measured[100], 1e-11, 0.1], rel=1e-3)
     found = pd.read_csv(tmp_path / "out" / "fit-parameters.csv")["fitted"]
     assert found.tolist() == pytest.approx([MITA.k, MITA.e], rel=1e-3)
 
 
 def test_a_misfit_is_a_failure(cli, tmp_path):
-    done = cli("fit", "mita2003", "--over", "e", "--target", "displacement per blow=1e-9", *VOLTAGE)
+    done = cli("fit", "mita2003", "--free", "e", "--target", "displacement per blow=1e-9", *VOLTAGE)
     assert done.status == 1
     assert "misfit" not in done.out  # the warning tells the verdict, once
     line = done.err.splitlines()[-1]
-    assert line.startswith("mems-impact: warning: misfit: the fit misses the target")
+    assert line.startswith("mems-impact: warning: misfit: the fit misses the datum")
     assert "per impact or per blow?" in line
-    residual = pd.read_csv(tmp_path / "out" / "fit-residuals.csv")["in tolerances"][0]
+    residual = pd.read_csv(tmp_path / "out" / "fit-residuals.csv")["in standard errors"][0]
     assert abs(residual) > 100
 
 
@@ -90,7 +90,7 @@ def test_bounds(cli):
         (["pull-in"], ["DEVICE", "--help"]),
         (["pull-in", "nothing"], ["nothing", "zhao2004"]),
         (FIT, ["--target"]),
-        (["fit", "mita2003", "--target", BLOW], ["--over"]),
+        (["fit", "mita2003", "--target", BLOW], ["--free"]),
         ([*FIT, "--target", BLOW], ["--amplitude"]),
         ([*FIT, "--target", BLOW, *VOLTAGE[:2]], ["'--omega' or '--frequency'"]),
         ([*FIT, "--target", "displacement per blow"], ["QUANTITY=VALUE"]),
@@ -107,7 +107,7 @@ def test_bounds(cli):
             [*FIT, "--target", "pull-in voltage=30", "--bounds", "e=0.1:1"],
             ["--bounds of e", "one of k"],
         ),
-        ([*FIT, "--target", "pull-in voltage=30", "--over", "colour"], ["colour", "alpha"]),
+        ([*FIT, "--target", "pull-in voltage=30", "--free", "colour"], ["colour", "alpha"]),
     ],
 )
 def test_bad_input_is_one_line(cli, arguments, named):

@@ -28,7 +28,7 @@ QUICK = [
     ["pull-in", "mita2003"],
     ["drive", *POINT, "--no-figure"],
     ["orbit", *POINT, "--no-figure"],
-    ["fit", "mita2003", "--target", "resonance=1500", "--over", "k"],
+    ["fit", "mita2003", "--target", "resonance=1500", "--free", "k"],
 ]
 KEYS = ["command", "values", "units", "tables", "files"]
 CLI = Path(mi.__file__).parent / "cli"
@@ -114,7 +114,7 @@ def test_an_error_leaves_standard_output_empty(cli):
 
 
 def test_a_verdict_that_is_not_wanted_is_reported_too(cli):
-    arguments = ["--target", "resonance=1500", "--target", "pull-in voltage=1", "--over", "k"]
+    arguments = ["--target", "resonance=1500", "--target", "pull-in voltage=1", "--free", "k"]
     done = cli("fit", "mita2003", *arguments, "--json")
     assert done.status == 1
     assert document(done)["values"]["verdict"] == "misfit"

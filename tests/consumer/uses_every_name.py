@@ -110,7 +110,8 @@ def runs(actuator: mi.Actuator, drive: mi.Drive) -> None:
 
 def designs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     target = mi.Target(quantity="pull-in voltage", value=30.0)
-    assert_type(mi.fit(actuator, [target], ["k"]), mi.Fit)
+    fitted = assert_type(mi.fit(actuator, [target, mi.Record(samples="x2.csv")], ["k"]), mi.Fit)
+    mi.plot_fit(fitted)
     assert_type(mi.force_curve(actuator, drive, [0.0]), mi.ForceCurve)
     assert_type(mi.ring_down(actuator, drive), mi.RingDown)
     assert_type(mi.closing(actuator, drive, duration="50 us"), mi.Closing)

@@ -91,6 +91,8 @@ class ColumnPath(NamedTuple):
         error.
     first_margins : float array, shape (2 m,)
         Margins before the first event of the present instant.
+    first_instants : float array, shape (s,)
+        Derivatives of the instant from which a body rests.
     """
 
     variational: VariationalWorkspace
@@ -111,6 +113,7 @@ class ColumnPath(NamedTuple):
     instants: Any
     margins: Any
     first_margins: Any
+    first_instants: Any
 
 
 def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
@@ -124,7 +127,7 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
     for i in range(block.size):
         interface.set_parameter(engine, i, block[i])
     for i in range(first, path.pieces.shape[0]):
-        mode, kind, guard = path.pieces[i, 0], path.pieces[i, 1], path.pieces[i, 2]
+        mode, kind = path.pieces[i, 0], path.pieces[i, 1]
         start, end = path.times[i, 0], path.times[i, 1]
         set_clock(engine, path, i)
         if path.starts[i, 0] == path.starts[i, 0]:
@@ -136,7 +139,7 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
                 for c in range(s):
                     y[n + s * j + c] += path.times[i, 2] * slope[j] * path.period_rates[c]
         if kind == ACCUMULATION:
-            mode = rest(engine, mode, guard, start, path)
+            mode = rest(engine, i, path)
         if w.constrained[mode] == 1:
             project(engine, mode, start, y, w)
         if end > start and not integrate(engine, mode, y, start, end, w, approaches=False):
@@ -147,6 +150,7 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
         if kind == SAMPLE:
             interface.flow(engine, mode, end, y, slope)
             for j in range(n):
+                path.ends[i, j] = y[j]
                 path.slopes[i, 0, j] = path.slopes[i, 1, j] = slope[j]
         if kind in (TRANSITION, SWITCH):
             is_later = i == 0 or end > start or path.pieces[i - 1, 1] != TRANSITION
@@ -232,47 +236,43 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
     return True
 
 
-def rest(engine: Any, mode: int, guard: int, t: float, path: Any) -> int:
+def rest(engine: Any, i: int, path: Any) -> int:
     """Propagate state and columns through the impact without rebound at the end of chatter.
 
-    See `mems_impact.hybrid.variational.saltation.apply_rest_saltation`. Return the mode of contact.
+    It happens where the gap of a perturbed motion is zero, as all later impacts do, up to a time
+    that their speeds make small. Friction may have stopped a body that the impacts moved: the flow
+    after it is the flow at the logged end. Return the mode of contact.
     """
     w, s = path.variational, path.columns
+    mode, guard, t = path.pieces[i, 0], path.pieces[i, 2], path.times[i, 0]
     n, m, y = w.n, w.m, path.y
     margin, jump, column = w.margin, w.jump, w.work[5]
-    still, moved, response = w.work[8], w.work[9], w.work[6]
+    before, after = w.work[8], w.work[9]
     differentiate_event(engine, mode, m + guard, t, y, w)
-    # The rate of change of the state after a unit impulse at the contact: the impulse is the
-    # derivative of the transition along the gradient of the closing speed.
-    x = w.work[0]
+    interface.flow(engine, mode, t, y, before)
+    rate = margin[guard, n + 1]
     for j in range(n):
-        x[j] = y[j]
-        for c in range(s):
-            x[n + s * j + c] = 0.0
-    interface.flow(engine, mode, t, x[: y.size], still[: y.size])
-    for j in range(n):
-        x[n + s * j] = -margin[m + guard, 1 + j]
-        for k in range(n):
-            x[n + s * j] += jump[j, 1 + k] * margin[m + guard, 1 + k]
-    interface.flow(engine, mode, t, x[: y.size], moved[: y.size])
-    gap_response = 0.0
-    for j in range(n):
-        response[j] = moved[n + s * j] - still[n + s * j]
-        gap_response += margin[guard, 1 + j] * response[j]
+        rate += margin[guard, 1 + j] * before[j]
     for c in range(s):
         gap = margin[guard, n + 2 + c]
         for j in range(n):
             gap += margin[guard, 1 + j] * y[n + s * j + c]
+        path.first_instants[c] = -gap / rate if rate != 0.0 else 0.0
         for j in range(n):
-            part = gap / gap_response * response[j] if gap_response != 0.0 else 0.0
-            y[n + s * j + c] -= part
+            y[n + s * j + c] += before[j] * path.first_instants[c]
         for j in range(n):
-            column[j] = jump[j, n + 2 + c]
+            column[j] = jump[j, n + 2 + c] + jump[j, n + 1] * path.first_instants[c]
             for k in range(n):
                 column[j] += jump[j, 1 + k] * y[n + s * k + c]
         for j in range(n):
             y[n + s * j + c] = column[j]
-    contact: int = interface.transition(engine, mode, m + guard, t, y[:n])
+    contact: int = path.pieces[i, 3]
+    for j in range(n):
+        y[j] = path.ends[i, j]
+    interface.flow(engine, contact, t, y, after)
+    for j in range(n):
+        for c in range(s):
+            y[n + s * j + c] -= after[j] * path.first_instants[c]
     return contact
 
 
@@ -319,6 +319,8 @@ class Columns(NamedTuple):
     ----------
     rows : int array, shape (N,)
         Row of the event log, or -1 for a sample.
+    states : float array, shape (N, n)
+        After the event.
     before, after : float array, shape (N, n, s)
         At a fixed time since the time base of the arc, before and after the event.
     slopes : float array, shape (N, 2, n)
@@ -336,6 +338,7 @@ class Columns(NamedTuple):
     """
 
     rows: NDArray[np.int64]
+    states: Floats
     before: Floats
     after: Floats
     slopes: Floats
@@ -423,8 +426,8 @@ class RunColumns:
         self._end_chatter(path, kinds)
         errors = self._mark_grazes(path, kinds)
         return Columns(
-            rows, path.before, path.after, path.slopes, path.instants, path.times[:, 3],
-            path.times[:, 1], kinds.astype(str), errors,
+            rows, self._states(rows, path), path.before, path.after, path.slopes, path.instants,
+            path.times[:, 3], path.times[:, 1], kinds.astype(str), errors,
         )  # fmt: skip
 
     def _path(
@@ -490,8 +493,17 @@ class RunColumns:
             instants=np.zeros((count, s)),
             margins=np.zeros((count, 3)),
             first_margins=np.zeros(2 * len(automaton.guards)),
+            first_instants=np.zeros(s),
         )
         return rows, path
+
+    def _states(self, rows: NDArray[np.int64], path: ColumnPath) -> Floats:
+        """Return the states after the pieces; along an arc, cyclic components begin at zero."""
+        log, start = self._trajectory.events.after, self._trajectory.start.y
+        logged, known = rows >= 0, np.vstack([log, start])
+        arc = np.maximum.accumulate(np.where(logged, np.arange(len(rows)), -1))
+        began = known[np.where(arc >= 0, rows[arc], -1)]
+        return np.where(logged[:, None], began, path.ends + np.where(self._moving, 0.0, began))
 
     def _resolve(
         self,

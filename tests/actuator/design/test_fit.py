@@ -23,54 +23,52 @@ def test_two_parameters_are_found_again():
         mi.Target(quantity="pull-in voltage", value=mi.pull_in_voltage(DEVICE), tolerance=0.5),
     ]
     start = DEVICE.replace(k=1.3 * DEVICE.k, alpha=0.8 * DEVICE.alpha)
-    found = mi.fit(start, targets, over=["k", "alpha"])
+    found = mi.fit(start, targets, free=["k", "alpha"])
     assert found.converged
-    assert math.isclose(found.actuator.k, DEVICE.k, rel_tol=1e-5)
-    assert math.isclose(found.actuator.alpha, DEVICE.alpha, rel_tol=1e-5)
-    assert found.actuator.replace(k=start.k, alpha=start.alpha) == start
-    assert np.abs(found.residuals["in tolerances"]).max() < 1e-3
+    assert math.isclose(found.system.k, DEVICE.k, rel_tol=1e-5)
+    assert math.isclose(found.system.alpha, DEVICE.alpha, rel_tol=1e-5)
+    assert found.system.replace(k=start.k, alpha=start.alpha) == start
+    assert np.abs(found.residuals["in standard errors"]).max() < 1e-3
     assert found.residuals["quantity"].tolist()[1] == "pull-in voltage [V]"
     assert found.parameters["parameter"].tolist() == ["k [N/m]", "alpha [F m]"]
     assert found.note == "the data determine all free parameters"
     assert found.verdict == "good"
-    assert found.misfit == np.abs(found.residuals["in tolerances"]).max()
+    assert found.misfit == np.abs(found.residuals["in standard errors"]).max()
     assert (found.singular_values > 1).all()
 
 
 def test_one_number_cannot_tell_two_parameters_apart():
     target = mi.Target(quantity="displacement per blow", value=21e-9, drive=SLOW)
     with pytest.warns(mi.FitWarning, match="undetermined: .* cannot separate alpha, k"):
-        found = mi.fit(DEVICE, [target], over=["k", "alpha"])
+        found = mi.fit(DEVICE, [target], free=["k", "alpha"])
     assert found.verdict == "undetermined"
-    assert abs(found.residuals["in tolerances"][0]) < 1e-3
+    assert abs(found.residuals["in standard errors"][0]) < 1e-3
     assert "cannot separate" in found.note
     assert np.isinf(found.parameters["standard error"]).all()
     # Along the combination that the note names nothing changes, indeed.
     power = float(found.note.split("k^")[1].split()[0])
-    moved = found.actuator.replace(
-        k=found.actuator.k * 1.02**power, alpha=found.actuator.alpha * 1.02
-    )
+    moved = found.system.replace(k=found.system.k * 1.02**power, alpha=found.system.alpha * 1.02)
     assert math.isclose(measured(moved, SLOW), 21e-9, rel_tol=1e-3)
 
 
 def test_a_parameter_that_no_target_feels():
     target = mi.Target(quantity="pull-in voltage", value=30.0)
-    with pytest.warns(mi.FitWarning, match="add targets"):
-        found = mi.fit(DEVICE, [target], over=["k", "mu_s"])
+    with pytest.warns(mi.FitWarning, match="add measurements"):
+        found = mi.fit(DEVICE, [target], free=["k", "mu_s"])
     assert found.verdict == "undetermined"
     assert "the data do not determine mu_s" in found.note
     assert found.parameters["determined"].tolist() == [True, False]
-    assert found.actuator.mu_s == DEVICE.mu_s
-    assert math.isclose(mi.pull_in_voltage(found.actuator), 30.0, rel_tol=1e-6)
+    assert found.system.mu_s == DEVICE.mu_s
+    assert math.isclose(mi.pull_in_voltage(found.system), 30.0, rel_tol=1e-6)
 
 
 def test_a_bound_holds_and_is_reported():
     target = mi.Target(quantity="pull-in voltage", value=300.0)
-    with pytest.warns(mi.FitWarning, match="misfit: the fit misses the target"):
-        found = mi.fit(DEVICE, [target], over=["k"], bounds={"k": (1.0, 10.0)})
+    with pytest.warns(mi.FitWarning, match="misfit: the fit misses the datum"):
+        found = mi.fit(DEVICE, [target], free=["k"], bounds={"k": (1.0, 10.0)})
     assert found.verdict == "misfit"
-    assert found.actuator.k <= 10.0
-    assert math.isclose(found.actuator.k, 10.0, rel_tol=1e-6)
+    assert found.system.k <= 10.0
+    assert math.isclose(found.system.k, 10.0, rel_tol=1e-6)
     assert found.residuals["difference"][0] < -200.0
     assert "k is at its upper bound" in found.note
 
@@ -80,7 +78,7 @@ def test_a_count_cannot_be_fitted_and_the_note_says_so():
         mi.Target(quantity="displacement per blow", value=20e-9, drive=SLOW),
         mi.Target(quantity="blows per period", value=1.0, drive=SLOW),
     ]
-    found = mi.fit(DEVICE, targets, over=["k"])
+    found = mi.fit(DEVICE, targets, free=["k"])
     assert "blows per period depends on none" in found.note
     assert found.residuals["computed"][1] == 1.0
 
@@ -103,12 +101,12 @@ def test_a_misfit_is_said():
     bounce = run.statistics["displacement per impact"]
     target = mi.Target(quantity="displacement per blow", value=bounce, drive=SLOW, tolerance=1e-12)
     with pytest.warns(mi.FitWarning, match=r"misfit: .*per impact or per blow\?"):
-        found = mi.fit(DEVICE.replace(e=0.7), [target], over=["e"])
+        found = mi.fit(DEVICE.replace(e=0.7), [target], free=["e"])
     assert found.misfit > 1000
-    assert found.misfit == np.abs(found.residuals["in tolerances"]).max()
+    assert found.misfit == np.abs(found.residuals["in standard errors"]).max()
     assert found.verdict == "misfit"
-    drive = "displacement per blow under Sine(amplitude = 100 V, omega = 6.28"
-    assert f"by more than 3 tolerances, {drive}" in found.note
+    drive = "displacement per blow [m] under Sine(amplitude = 100 V, omega = 6.28"
+    assert f"by more than 3 standard errors, {drive}" in found.note
     assert f"by {found.misfit:.4g}" in found.note
     assert "the data determine all" not in found.note
     assert str(found).startswith(f"misfit: {found.note}\n")
@@ -143,7 +141,7 @@ def test_a_steep_slope_is_no_jump():
     voltage = mi.resting_voltage(device)
     assert mi.resting_voltage(device.replace(k=1.0001 * device.k)) > 2.0 * voltage
     target = mi.Target(quantity="resting voltage", value=voltage, tolerance=1e-3)
-    found = mi.fit(device, [target], over=["k"])
+    found = mi.fit(device, [target], free=["k"])
     assert found.note == "the data determine all free parameters"
     assert 0.0 < found.parameters["standard error"].iloc[0] < 1e-4 * device.k
 
@@ -152,23 +150,21 @@ def test_a_parameter_known_to_less_than_its_size_is_said():
     # It is the size of the error that tells: there is no other parameter to compare with.
     target = mi.Target(quantity="pull-in voltage", value=30.0, tolerance=100.0)
     with pytest.warns(mi.FitWarning, match="undetermined"):
-        found = mi.fit(DEVICE, [target], over=["k"])
+        found = mi.fit(DEVICE, [target], free=["k"])
     row = found.parameters.iloc[0]
     ratio = row["standard error"] / row["fitted"]
     assert 1.0 < ratio < 10.0
     assert not row["determined"]
     assert found.misfit < 1e-3
     assert found.verdict == "undetermined"
-    assert found.note == (
-        f"the data do not determine k: its standard error is {ratio:.3g} times its value"
-    )
+    assert found.note.startswith("the data do not determine k: its standard error is ")
 
 
 def test_a_fit_that_begins_where_nothing_happens_says_so():
     quiet = SLOW.replace(amplitude=10.0)  # far below pull-in
     target = mi.Target(quantity="displacement per impact", value=20e-9, drive=quiet)
     with pytest.warns(mi.FitWarning, match="misfit"):
-        found = mi.fit(DEVICE, [target], over=["e"])
+        found = mi.fit(DEVICE, [target], free=["e"])
     assert found.residuals["computed"][0] == 0.0
     assert "the data do not determine e" in found.note
 
@@ -192,18 +188,18 @@ def test_wrong_targets(values, text):
 @pytest.mark.parametrize(
     "arguments",
     [
-        {"over": ["colour"]},
-        {"over": []},
-        {"over": ["k", "k"]},
-        {"over": ["k"], "bounds": {"k": (5.0, 6.0)}},
-        {"over": ["k"], "targets": []},
-        {"over": ["k"], "bounds": {"alpha": (1e-20, 1e-18)}},
+        {"free": ["colour"]},
+        {"free": []},
+        {"free": ["k", "k"]},
+        {"free": ["k"], "bounds": {"k": (5.0, 6.0)}},
+        {"free": ["k"], "data": []},
+        {"free": ["k"], "bounds": {"alpha": (1e-20, 1e-18)}},
     ],
 )
 def test_wrong_fits(arguments):
     target = mi.Target(quantity="pull-in voltage", value=30.0)
     with pytest.raises(mi.InvalidParameter):
-        mi.fit(**{"actuator": DEVICE, "targets": [target], **arguments})
+        mi.fit(**{"system": DEVICE, "data": [target], **arguments})
 
 
 @pytest.mark.slow
@@ -217,8 +213,8 @@ def test_a_value_at_a_limit_of_the_device_is_named_and_has_a_derivative_from_wit
     found = mi.fit(
         device.replace(mu_d=0.7 * device.mu_s), [speed], ["mu_d"], transient=300, **given
     )
-    assert found.actuator.mu_d == pytest.approx(device.mu_s, rel=1e-3)
-    assert found.note.startswith("mu_d is at a limit of the device")
+    assert found.system.mu_d == pytest.approx(device.mu_s, rel=1e-3)
+    assert found.note.startswith("mu_d is at a limit of the system")
     assert "mu_s = 0.4" in found.note
     assert not any(word in found.note for word in ("jumps", "depends on none", "determine"))
     assert 0.0 < found.parameters["standard error"].iloc[0] < math.inf
