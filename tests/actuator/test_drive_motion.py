@@ -7,7 +7,6 @@ import pytest
 
 import mems_impact as mi
 from tests.actuator.waveforms import DRIVES, cosine, cosine_rate
-from validation.judges.dop853_free import LEFT, RIGHT, Judge
 
 ZHAO = mi.load_actuator("zhao2004")
 FINE = mi.Options(rtol=1e-12, atol=1e-13)
@@ -15,97 +14,6 @@ SHARP = mi.Options(rtol=1e-10, atol=1e-12)
 KICK = mi.State(v2=0.5)
 # For motions that are compared with each other: less time than the compilation of each drive.
 PLAIN = mi.Options(method="dop853", engine="interpreted")
-
-
-class Switching(Judge):
-    """The judge, arc by arc between given borders; `segments` is (end, right, left) of a period.
-
-    `right` and `left` are the voltages there as functions of the time since the period began.
-    """
-
-    def __init__(self, actuator, period, segments):
-        p = {name: getattr(actuator, name) for name in mi.Actuator.model_fields if name != "units"}
-        super().__init__(p, (0.0, 1.0, 0.0))
-        self.period, self.segments = period, segments
-        self.begin, self.right, self.left = 0.0, None, None
-
-    def load(self, t, y):
-        p, u = self.p, t - self.begin
-        pull = (self.right(u) / (p["d"] - y[2])) ** 2 - (self.left(u) / (p["d"] + y[2])) ** 2
-        return p["k"] * y[2] + p["c"] * y[3] - p["alpha"] * pull
-
-    def run_periods(self, start, periods):
-        y, rows = np.array(start, dtype=float), []
-        for cycle in range(periods):
-            t = self.begin = cycle * self.period
-            for end, right, left in self.segments:
-                self.right, self.left = right, left
-                border = self.begin + end
-                self.settle(t, y)
-                while t < border:
-                    kind, t, y = self.arc(t, y, border)
-                    if kind is None:
-                        break
-                    self.transit(kind, t, y)
-                    rows.append((kind, t, y.copy()))
-                t = border
-        return rows, y
-
-
-def off(_):
-    return 0.0
-
-
-def against_the_judge(drive, segments, periods, actuator=ZHAO, v2=0.5):
-    judge = Switching(actuator, drive.period, segments)
-    rows, final = judge.run_periods((0.0, 0.0, 0.0, v2), periods)
-    run = mi.simulate(actuator, drive, periods, initial=mi.State(v2=v2), options=FINE)
-    hits = [row for row in rows if row[0] in (RIGHT, LEFT)]
-    mine = run.impacts
-    assert len(mine) == len(hits) > periods / 2
-    times = mine["period"] * drive.period + mine["time"]
-    np.testing.assert_allclose(times, [row[1] for row in hits], rtol=0, atol=1e-8)
-    after = mine[["x1", "v1 after", "v2 after"]]
-    np.testing.assert_allclose(after, [row[2][[0, 1, 3]] for row in hits], rtol=0, atol=1e-8)
-    ours = [run.final.x1, run.final.v1, run.final.x2, run.final.v2]
-    np.testing.assert_allclose(ours, final, rtol=0, atol=1e-8)
-    return run
-
-
-@pytest.mark.slow
-def test_square_against_an_independent_integration():
-    drive = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
-    segments = [(0.3 * drive.period, lambda _: 0.3, off), (drive.period, off, off)]
-    run = against_the_judge(drive, segments, 50)
-    assert run.statistics["impacts per period"] == 1.0
-
-
-@pytest.mark.nightly
-def test_pulses_with_flanks_against_an_independent_integration():
-    drive = mi.Pulse(amplitude=0.35, period=12.0, width=3.8, rise=0.5, fall=1.0, low=0.05)
-    segments = [
-        (0.5, lambda u: 0.05 + 0.6 * u, off),
-        (3.8, lambda _: 0.35, off),
-        (4.8, lambda u: 0.35 - 0.3 * (u - 3.8), off),
-        (12.0, lambda _: 0.05, off),
-    ]
-    against_the_judge(drive, segments, 12)
-
-
-@pytest.mark.nightly
-def test_both_sides_against_an_independent_integration():
-    """Long slips, both ways."""
-    actuator = ZHAO.replace(mu_s=0.05, mu_d=0.04)
-    right = mi.Pulse(amplitude=0.36, period=9.0, width=3.0)
-    left = mi.Pulse(amplitude=0.34, period=9.0, width=2.25, phase=math.pi)
-    segments = [
-        (3.0, lambda _: 0.36, off),
-        (4.5, off, off),
-        (6.75, off, lambda _: 0.34),
-        (9.0, off, off),
-    ]
-    run = against_the_judge(mi.TwoSided(right=right, left=left), segments, 5, actuator)
-    assert set(run.impacts["stopper"]) == {"left", "right"}
 
 
 @pytest.mark.parametrize("phase", [0.3, 1.0, 3.0, 5.9])

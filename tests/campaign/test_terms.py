@@ -13,11 +13,20 @@ from validation.judges import dop853_free, with_terms
 from validation.judges.heyoka_full import Piece, Source
 
 SEED = 3
+QUICK = (*range(4, 12), *range(13, 20))  # cases that are interpreted and short
 
 
 def test_every_term_is_tried():
     # A slew rate changes the voltage of the source, not the equations.
     assert terms.unjudged() == ["slew_rate"]
+    tried = {name for number in QUICK for name in terms.Drawn(SEED, number).terms}
+    assert tried | {"slew_rate"} == set(TERM_CLASSES)
+
+
+@pytest.mark.parametrize("number", QUICK)
+def test_motions_and_energies_with_terms_are_those_of_the_judge(number):
+    """Of devices with random terms under random drives, all kinds of drives among them."""
+    assert terms.check(SEED, number).story == ""
 
 
 @pytest.mark.nightly

@@ -1,4 +1,4 @@
-"""A source that sets the charge, against closed forms and SciPy's integration."""
+"""A source that sets the charge, against closed forms."""
 
 import math
 import warnings
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from tests.actuator.terms.held_frame import impacts
 
 ZHAO = mi.load_actuator("zhao2004")
 FIRM = ZHAO.replace(mu_s=5.0)  # a frame that nothing moves
@@ -45,31 +44,6 @@ def test_constant_charge_shifts_the_swing_without_softening():
                                    options=INTERPRETED, window=(0.0, 1.3)))  # fmt: skip
     assert energy.input == pytest.approx(0.0, abs=1e-11)
     assert energy.imbalance == pytest.approx(0.0, abs=1e-11)
-
-
-def test_motion_with_impacts_is_that_of_scipy():
-    device = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3).adding(
-        mi.ChargeDrive(parasitic_capacitance=0.5)
-    )
-    drive = mi.Sine(amplitude=1.4, omega=0.6)
-    run = mi.simulate(
-        device, drive, periods=3, initial=mi.State(v2=0.75),
-        options=mi.Options(engine="interpreted", rtol=1e-11, atol=1e-13),
-    )  # fmt: skip
-    assert run.system.forcing_period == pytest.approx(math.pi / 0.6, rel=1e-15)
-
-    def node(t, x):
-        return 1.4 * math.cos(0.6 * t) / (2.0 / (1.0 - x) + 0.5)
-
-    def rates(t, y):
-        return [y[1], node(t, y[0]) ** 2 / (1.0 - y[0]) ** 2 - y[0] - 0.04 * y[1]]
-
-    hits, _ = impacts(rates, [0.0, 0.75], [3.0 * math.pi / 0.6], max_step=0.05)
-    assert len(hits) >= 2
-    np.testing.assert_allclose(run.impacts["t"], hits, rtol=0, atol=5e-8)
-    samples = run.samples(20)
-    expected = [node(*row) for row in zip(samples["t"], samples["x2"], strict=True)]
-    np.testing.assert_allclose(samples["node voltage"], expected, rtol=0, atol=1e-9)
 
 
 def test_charges_of_a_device_in_si():

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import mems_impact as mi
@@ -59,65 +59,6 @@ def test_hard_stoppers_strike_as_rigid_ones(exponent, order):
     away = np.abs(np.array(slid) - run.impacts["step"].iloc[0])
     rates = np.log(away[:-1] / away[1:]) / math.log(100.0)
     assert rates == pytest.approx([order, order], abs=0.03)
-
-
-@pytest.fixture(scope="module")
-def driven():
-    """A device whose frame slips during contacts, over three forcing periods."""
-    soft = ZHAO.adding(CompliantStopper(stiffness=1e4, exponent=1.5, damping=0.5))
-    start = mi.State(v2=1.0)
-    return mi.simulate(soft, DRIVE, periods=3, initial=start, options=PRECISE, window=(0, 3))
-
-
-def test_against_another_integrator(driven):
-    final, lost, hits = integrated(driven.actuator, DRIVE, 1.0, 3.0 * DRIVE.period)
-    assert len(driven.impacts) == hits > 2
-    assert {"break-away", "slip end"} <= set(driven.events["event"])
-    found = [driven.final.x1, driven.final.v1, driven.final.x2, driven.final.v2]
-    assert found == pytest.approx(final, abs=2e-8)
-    assert driven.statistics["energy lost per period"] * 3.0 == pytest.approx(lost, rel=1e-6)
-    assert driven.impacts["energy lost"].sum() == pytest.approx(lost, rel=1e-6)
-
-
-def integrated(actuator, drive, speed, duration):
-    """The same equations by SciPy; a stretch ends where the frame or a contact changes."""
-    p, term = actuator, actuator.terms[0]
-    weight = (p.m1 + p.m2) * p.g
-
-    def pushes(t, y):
-        depth, rate = abs(y[2]) - p.delta, math.copysign(1.0, y[2]) * y[3]
-        spring = term.stiffness * max(depth, 0.0) ** term.exponent
-        normal = spring * max(1.0 + 1.5 * term.damping * rate, 0.0)
-        pull = p.alpha * (drive.amplitude * math.cos(drive.omega * t)) ** 2 / (p.d - y[2]) ** 2
-        load = p.k * y[2] + p.c * y[3] - pull + math.copysign(normal, y[2])
-        return load, (normal - spring) * rate
-
-    def flow(t, y, sign):
-        load, lost = pushes(t, y)
-        a1 = (load - sign * p.mu_d * weight) / p.m1 if sign else 0.0
-        return [y[1], a1, y[3], -load / p.m2 - a1, lost]
-
-    def turn(t, y, sign):
-        return sign * y[1] if sign else p.mu_s * weight - abs(pushes(t, y)[0])
-
-    def gap(t, y, sign):
-        return p.delta - abs(y[2])
-
-    turn.terminal = gap.terminal = True
-    turn.direction = -1.0
-    t, y, sign, hits = 0.0, np.array([0.0, 0.0, 0.0, speed, 0.0]), 0, 0
-    while t < duration:
-        part = solve_ivp(flow, (t, duration), y, "DOP853", args=(sign,), rtol=1e-11, atol=1e-13,
-                         events=[turn, gap], max_step=0.1)  # fmt: skip
-        t, y = part.t[-1], part.y[:, -1].copy()
-        if len(part.t_events[0]) and part.t_events[0][-1] == t:
-            load = pushes(t, y)[0]
-            y[1] = 0.0
-            sign = 0 if sign and abs(load) <= p.mu_s * weight else int(math.copysign(1, load))
-        elif t < duration:
-            hits += y[2] * y[3] > 0.0
-            y[2] = math.copysign(p.delta + math.copysign(1e-15, y[2] * y[3]), y[2])
-    return y[:4], y[4], hits
 
 
 def test_energy():

@@ -53,33 +53,6 @@ def test_alternating_voltage_leaves_no_mean():
     assert run.system.forcing_period == pytest.approx(2.0 * math.pi / omega, rel=1e-14)
 
 
-def test_beside_a_resistance():
-    # A block that stays: C = 2, two linear equations, solved by their eigenvalues.
-    share, time, resistance, volts = 0.4, 2.0, 0.7, 0.1
-    device = ZHAO.replace(m2=1e12).adding(
-        mi.DielectricCharging(share=share, time=time),
-        mi.SeriesResistance(resistance=resistance, parasitic_capacitance=0.5),
-    )
-    dc = mi.Sine(amplitude=0.0, omega=1.0, bias=volts)
-    run = mi.simulate(device, dc, periods=1, options=INTERPRETED)
-    # node = (charge + 2 offset)/2.5
-    by_charge, by_offset = 1.0 / 2.5, 2.0 / 2.5
-    matrix = np.array(
-        [
-            [-by_charge / resistance, -by_offset / resistance],
-            [share * by_charge / time, (share * by_offset - 1.0) / time],
-        ]
-    )
-    source = np.array([volts / resistance, 0.0])
-    rest = -np.linalg.solve(matrix, source)
-    values, vectors = np.linalg.eig(matrix)
-    share_of = np.linalg.solve(vectors, -rest)
-    expected = rest + (vectors * np.exp(values * 2.0 * math.pi)) @ share_of
-    assert run.final.charge == pytest.approx(expected[0], abs=1e-9)
-    assert run.final.offset == pytest.approx(expected[1], abs=1e-9)
-    assert rest[1] == pytest.approx(share * volts, rel=1e-12)
-
-
 @pytest.mark.parametrize(
     ("values", "field"),
     [({"share": 1.1, "time": 1.0}, "share"), ({"share": 0.1, "time": 0.0}, "time")],
