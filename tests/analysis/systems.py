@@ -9,28 +9,28 @@ import mems_impact as mi
 FREE, HELD = mi.modes("free", "held")
 
 
-def _flow(mode, t, y, p):
+def flow(mode, t, y, p):
     force = p.A * math.cos(p.omega * t) - 2.0 * p.zeta * y.v - y.x
     return (y.v, force) if mode == FREE else (0.0, 0.0)
 
 
-def _gap(mode, t, y, p):
+def gap(mode, t, y, p):
     return p.wall - y.x
 
 
-def _rebound(mode, t, y, p):
+def rebound(mode, t, y, p):
     return FREE, (p.wall, -p.e * y.v)
 
 
-def _rest(mode, t, y, p):
+def rest(mode, t, y, p):
     return HELD, (p.wall, 0.0)
 
 
-def _pressed(mode, t, y, p):
+def pressed(mode, t, y, p):
     return p.A * math.cos(p.omega * t) - p.wall
 
 
-def _release(mode, t, y, p):
+def release(mode, t, y, p):
     return FREE, (p.wall, 0.0)
 
 
@@ -42,24 +42,30 @@ def energy(y, p):
     return 0.5 * (y.v * y.v + y.x * y.x)
 
 
+OSCILLATOR = {
+    "states": ("x", "v"),
+    "flow": flow,
+    "period": lambda p: 2.0 * math.pi / p.omega,
+    "parameters": {"A": 0.6, "omega": 0.8, "zeta": 0.05, "wall": 1.0, "e": 0.8},
+    "guards": [
+        mi.Impact("wall", gap, rebound, rest=rest, modes=(FREE,)),
+        mi.Guard("release", pressed, release, modes=(HELD,)),
+    ],
+    "observables": [
+        mi.Observable("speed", impact_speed, at=("wall",), reduce="max"),
+        mi.Observable("energy", energy),
+    ],
+}
+
+
+def oscillator_with(**changes) -> mi.System:
+    """A driven oscillator with a stop, on which it may rest; some of its elements changed."""
+    return mi.System(**{**OSCILLATOR, **changes})
+
+
 def oscillator(*, section=None, units=None, **parameters: float) -> mi.System:
-    """A driven oscillator with a stop, on which it may rest."""
-    return mi.System(
-        states=("x", "v"),
-        flow=_flow,
-        period=lambda p: 2.0 * math.pi / p.omega,
-        parameters={"A": 0.6, "omega": 0.8, "zeta": 0.05, "wall": 1.0, "e": 0.8, **parameters},
-        guards=[
-            mi.Impact("wall", _gap, _rebound, rest=_rest, modes=(FREE,)),
-            mi.Guard("release", _pressed, _release, modes=(HELD,)),
-        ],
-        observables=[
-            mi.Observable("speed", impact_speed, at=("wall",), reduce="max"),
-            mi.Observable("energy", energy),
-        ],
-        section=section,
-        units=units,
-    )  # fmt: skip
+    parameters = {**OSCILLATOR["parameters"], **parameters}
+    return oscillator_with(section=section, units=units, parameters=parameters)
 
 
 def _fall(mode, t, y, p):
@@ -113,3 +119,30 @@ def ball(*, arrays: bool = False, **changes) -> mi.System:
         "units": {"x": "m", "v": "m/s", "time": "s"},
     }
     return mi.System(**{**given, **changes})
+
+
+def relaxed(mode, t, y, p, dy):
+    dy[0] = math.cos(p.omega * t) - y[0]
+    for i in range(1, 6):
+        dy[i] = p.k * (y[i - 1] - y[i])
+
+
+def ceiling(mode, t, y, p):
+    return 0.5 - y[0]
+
+
+def pushed_back(mode, t, y, p, new):
+    new[0] = 0.4
+    return mode
+
+
+def chain():
+    """Six states, written by arrays."""
+    return mi.System(
+        states=6,
+        flow=relaxed,
+        period=lambda p: 2 * math.pi / p.omega,
+        parameters={"omega": 1.0, "k": 0.5},
+        guards=[mi.Guard("ceiling", ceiling, pushed_back)],
+        units={"u0": "K", "time": "s"},
+    )

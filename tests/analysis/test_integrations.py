@@ -7,8 +7,8 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.hybrid.simulation import Simulation
-from tests.analysis.machine import oscillator
 from tests.analysis.oscillators import van_der_pol
+from tests.analysis.systems import oscillator
 
 
 @pytest.fixture

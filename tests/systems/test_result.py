@@ -22,7 +22,8 @@ import mems_impact
 import mems_impact as mi
 from mems_impact.systems.serialization.archive import FILE_FORMAT
 from mems_impact.systems.system import System
-from tests.analysis.machine import FREE, chain, gap, oscillator, rebound
+from tests.analysis.systems import FREE, chain, gap, rebound
+from tests.analysis.systems import oscillator_with as oscillator
 
 PLAIN = mi.Options(method="dop853", engine="interpreted")
 
@@ -329,7 +330,7 @@ def test_the_file_is_open(saved):
     assert header["versions"]["SUNDIALS"].startswith("7.")
     system = header["result"]["system"]
     assert system["parameters"]["dict"] == oscillator().parameters
-    assert system["functions"]["dict"]["flow"] == "tests.analysis.machine:flow"
+    assert system["functions"]["dict"]["flow"] == "tests.analysis.systems:flow"
     assert header["result"]["options"]["rtol"] == 1e-9
     with np.load(path, allow_pickle=False) as arrays:
         after = arrays["result.trajectory.events.after"]
