@@ -83,6 +83,7 @@ class Run(Result):
     trajectory: Trajectory = field(repr=False)
     ended: str = "time"
     _gatherer: StatisticsAccumulator | LazyStatistics = field(repr=False, compare=False)
+    _borders: tuple[Floats, ...] = field(repr=False, compare=False, default=())
 
     _stored: ClassVar[tuple[str, ...]] = ("events", "impacts", "_scaled_statistics", "settling")
 
@@ -299,7 +300,7 @@ class Run(Result):
         Raises
         ------
         InvalidParameter
-            If a name is unknown, or the run was made with ``keep="statistics"``.
+            If a name is unknown, or the equations do not read it as a real number.
         RunError
             If an arc cannot be integrated with its derivatives.
 
@@ -368,6 +369,8 @@ class Run(Result):
 
     def _state_at(self, border: int) -> Floats:
         """Return the state at the start (0) or end (1) of the window."""
+        if self._borders:
+            return self._borders[border]
         final, period = self.trajectory.final, self.trajectory.period
         first, last = (value / self.unit for value in self.window)
         cycle, time = TimeWindow(first, last, period).instant(border)

@@ -15,9 +15,13 @@ from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter, TransientWarning
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.event_loop.workspace import SECTION_CROSSING
+from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.hybrid.variational.run_columns import Columns, Quantities, RunColumns
+from mems_impact.integrators.dual_numbers import Dual, copy_for_tangents
 from mems_impact.orbits.family import Family, ParameterPoint
 from mems_impact.systems.base import system_at
+from mems_impact.systems.state import is_number
 from mems_impact.systems.statistics import LazyStatistics
 from mems_impact.systems.window_statistics import TimeWindow
 
@@ -30,6 +34,7 @@ __all__ = ["INITIAL", "RunDerivatives", "derivatives_of"]
 
 INITIAL = "x0."  # before the name of a state, for its initial value
 LOOSER = 10.0  # ratio of tolerances whose difference shows the error
+MOST_READ = 20  # events at which the functions of a system are evaluated for what they read
 STEP = 1e-3  # largest relative change of events in the gradient of a function
 
 
@@ -76,12 +81,13 @@ class RunDerivatives:
     family: Family = field(repr=False)
     quantities: Quantities = field(repr=False)
     scales: Floats = field(repr=False)
+    moves: tuple[Mapping[str, float], ...] = field(repr=False)
     one_sided: bool = False
 
     @cached_property
     def columns(self) -> Columns:
         """Derivatives at all events and at the end, in scaled units."""
-        return self._numeric.at(np.array([self._end]), "after")
+        return self._checked(self._numeric.at(np.array([self._end]), "after"))
 
     @property
     def final(self) -> pd.DataFrame:
@@ -90,15 +96,23 @@ class RunDerivatives:
 
     @property
     def error(self) -> pd.DataFrame:
-        """Estimated errors of `final`: the change by tolerances ten times as large."""
-        options = self.run.options
-        looser = RunColumns(
-            self.run.trajectory,
-            self.quantities,
-            rtol=LOOSER * options.rtol,
-            one_sided=self.one_sided,
-        ).at(np.array([self._end]))
-        change = self._final(looser) - self._final(self.columns)
+        """Estimated errors of `final`: its change by tolerances of the run ten times as large.
+
+        They are nan if that run has another sequence of events.
+        """
+        trajectory = self.run.trajectory
+        problem, log = trajectory.problem, trajectory.events
+        options = problem.options
+        rtol, atol = LOOSER * options.rtol, LOOSER * options.atol
+        problem = replace(problem, options=replace(options, rtol=rtol, atol=atol))
+        length = self.run.periods * (2.0 if trajectory.ended else 1.0)
+        events: list[Events] = []
+        again = integrate(problem, trajectory.start, length, consume=events.append)
+        again = again.with_events(Events.joined(events) if events else log[:0])
+        if not _same_sequence(again.events, log):
+            return self._by_state(np.full_like(self._final(self.columns), np.nan))
+        looser = replace(self, run=replace(self.run, trajectory=again))
+        change = looser._final(looser.columns) - self._final(self.columns)
         grazing = self.columns.errors.max(initial=0.0)
         return self._by_state(np.abs(change) + grazing * np.abs(self._final(self.columns)))
 
@@ -138,13 +152,17 @@ class RunDerivatives:
         """
         if side not in ("after", "before"):
             raise InvalidParameter("side", side, "'after' or 'before'")
-        system, at = self.run.system, np.array([float(time) for time in times])
+        system = self.run.system
+        try:
+            at = np.atleast_1d(np.asarray(times, dtype=float))
+        except (TypeError, ValueError):
+            raise InvalidParameter("times", times, "numbers") from None
         first, last = (self._time(border) for border in self.run.extent)
         scaled = np.array([float(system.units.into("time", time)) for time in at])
         if not (np.isfinite(at).all() and (scaled >= first).all() and (scaled <= last).all()):
             low, high = (float(system.units.out("time", border)) for border in (first, last))
             raise InvalidParameter("times", at.tolist(), f"times from {low:g} to {high:g}")
-        columns = self._numeric.at(scaled, side)
+        columns = self._checked(self._numeric.at(scaled, side))
         here = np.flatnonzero(columns.rows < 0)
         here = here[np.argsort(np.argsort(scaled, kind="stable"))]
         rates = np.outer(columns.bases[here], self.quantities.period_rates)
@@ -173,8 +191,8 @@ class RunDerivatives:
         ----------
         function : callable
             ``function(run)`` of events, impacts, statistics and the last state of a run. The number
-            of events is constant: what is discrete has no derivative. States inside an arc, such as
-            samples and the start of the window, are integrated again, and not exact.
+            of events is constant: what is discrete has no derivative. `Run.samples` are integrated
+            again, and exact to the tolerances only, unlike those of this class.
 
         Returns
         -------
@@ -183,7 +201,11 @@ class RunDerivatives:
         """
         import pandas as pd
 
-        return pd.Series(self.jacobian(function)[0], index=list(self.names), name="derivative")
+        found = self.jacobian(function)
+        if len(found) != 1:
+            allowed = "a function with one number as its result (jacobian takes more)"
+            raise InvalidParameter("function", function, allowed)
+        return pd.Series(found[0], index=list(self.names), name="derivative")
 
     def jacobian(self, function: Callable[[Run], Any]) -> Floats:
         """Return the derivatives of a function of the run, shape (m, s).
@@ -193,7 +215,10 @@ class RunDerivatives:
         function : callable
             ``function(run)``, one number or m numbers; as in `of`.
         """
-        return np.stack([self._gradient(function, c) for c in range(len(self.names))], axis=-1)
+        found = np.stack([self._gradient(function, c) for c in range(len(self.names))], axis=-1)
+        if not found.any(axis=0).all():
+            self._checked(self._inner)
+        return found
 
     def directional(self, direction: Mapping[str, float]) -> RunDerivatives:
         """Return the derivative in a direction, for a small positive step.
@@ -211,14 +236,19 @@ class RunDerivatives:
         RunDerivatives
             By one quantity, ``direction``.
         """
-        unknown = [name for name in direction if name not in self.names]
-        if unknown:
-            raise InvalidParameter("direction", unknown[0], f"one of {', '.join(self.names)}")
+        allowed = f"numbers by some of the names {', '.join(self.names)}"
+        if not isinstance(direction, Mapping) or not set(direction) <= set(self.names):
+            raise InvalidParameter("direction", direction, allowed)
+        if not direction or not all(is_number(each) for each in direction.values()):
+            raise InvalidParameter("direction", direction, allowed)
         parts = np.array([float(direction.get(name, 0.0)) for name in self.names]) / self._factors
-        quantities = self.quantities.along(parts * self.scales)
-        return replace(
-            self, names=("direction",), quantities=quantities, scales=np.ones(1), one_sided=True
-        )
+        moves: dict[str, float] = {}
+        for part, move in zip(parts, self.moves, strict=True):
+            moves |= {name: part * value for name, value in move.items()}
+        return RunDerivatives(
+            self.run, ("direction",), self.family, self.quantities.along(parts * self.scales),
+            np.ones(1), (moves,), one_sided=True,
+        )  # fmt: skip
 
     # --- Units
 
@@ -278,12 +308,38 @@ class RunDerivatives:
             columns.slopes[-1, 0], local * self.quantities.period_rates
         )
 
+    def _checked(self, columns: Columns) -> Columns:
+        """Return columns; raise InvalidParameter if nothing depends smoothly on a quantity."""
+        of, tables = self.quantities, (columns.before, columns.after, columns.instants)
+        for c, name in enumerate(self.names):
+            rest = (of.starts[:, c], of.period_rates[c], of.switch_rates[c])
+            zero = not any(map(np.any, (*rest, *(each[..., c] for each in tables))))
+            watched = bool(self.run.system.observables)
+            if zero and not watched and not _reads(self.run.trajectory, of.directions[c]):
+                allowed = (
+                    "one that the equations read as a real number: a whole number, or the "
+                    "threshold of an if, has no derivative"
+                )
+                raise InvalidParameter("parameter", name, allowed)
+        return columns
+
     # --- The gradient of a function of the run
 
     @cached_property
     def _inner(self) -> Columns:
-        """Derivatives at all rows of the event log."""
-        return self._numeric.at(np.array([self._end]), "after", inner=True)
+        """Derivatives at all rows of the event log, at the start of the window and at its end."""
+        return self._numeric.at(np.array([*self._borders, self._end]), "after", inner=True)
+
+    @property
+    def _borders(self) -> list[float]:
+        """Start and end of the window of statistics, within the run."""
+        period = self.run.trajectory.period / self.run.unit
+        first, last = (self._time(border) for border in self.run.extent)
+        return [min(max(border * period, first), last) for border in self.run.window]
+
+    @cached_property
+    def _border_states(self) -> tuple[Floats, Floats]:
+        return self.run._state_at(0), self.run._state_at(1)
 
     def _gradient(self, function: Callable[[Run], Any], c: int) -> Floats:
         """Return the derivatives of a function by one quantity, shape (m,).
@@ -314,10 +370,13 @@ class RunDerivatives:
         """Return the run to first order at another value of a quantity."""
         run, columns, rows = self.run, self._inner, self._inner.rows
         trajectory, log = run.trajectory, run.trajectory.events
-        name, family = self.names[c], self.family
-        if not name.startswith(INITIAL):
-            value = family.value(name) + float(distance * self.scales[c])
-            family = family.at(**{name: value})
+        family = self.family
+        inner = {
+            name: float(family.value(name) + distance * move)
+            for name, move in self.moves[c].items()
+            if not name.startswith(INITIAL)
+        }
+        family = family.at(**inner) if inner else family
         system, problem = system_at(run.system, family.values), family.problem()
         moved = np.flatnonzero(rows >= 0)
         instants = columns.instants[moved, c].copy()
@@ -347,6 +406,12 @@ class RunDerivatives:
             final, time=final.time * stretch, y=final.y + distance * self._final(columns)[:, c]
         )
         start = replace(start, y=start.y + distance * self.quantities.starts[:, c])
+        borders = []
+        for state, row in zip(self._border_states, np.flatnonzero(rows < 0)[:2], strict=True):
+            at_end = columns.bases[row] * trajectory.period + columns.times[row] >= self._end
+            phase = columns.times[row] / trajectory.period * self.quantities.period_rates[c]
+            rate = columns.before[row, :, c] + columns.slopes[row, 0] * phase
+            borders.append(final.y if at_end else state + distance * rate)
         first, last = (border / run.unit for border in run.window)
         window = TimeWindow(first, last, problem.period)
         lengths = getattr(run._gatherer, "lengths", [len(events)])
@@ -356,16 +421,53 @@ class RunDerivatives:
             trajectory=replace(
                 trajectory, problem=problem, start=start, final=final, events=events
             ),
+            _borders=tuple(borders),
             _gatherer=LazyStatistics(
                 lambda: system.statistics.accumulator(problem, start, window), events, lengths
             ),
         )
 
 
+def _same_sequence(one: Events, other: Events) -> bool:
+    """Return whether two runs have the same transitions in the same order."""
+    first, second = (
+        np.column_stack([log.kind, log.guard, log.mode_after])[run_tables.is_shown(log)]
+        for log in (one, other)
+    )
+    return np.array_equal(first, second)
+
+
+def _reads(trajectory: Trajectory, direction: Floats) -> bool:
+    """Return whether a function computes with parameters that have tangents in a direction."""
+    automaton, p = trajectory.automaton, list(trajectory.problem.parameters)
+    moved = [Dual(v, np.array([d])) if d != 0.0 else v for v, d in zip(p, direction, strict=True)]
+    m, n = len(automaton.guards), len(automaton.states)
+    states = [trajectory.start.y, *trajectory.events.before[:MOST_READ]]
+    try:
+        for mode in range(len(automaton.modes)):
+            for y in (state.tolist() for state in states):
+                found = [[1.0] * n, [1.0] * m, [1.0] * m]
+                copy_for_tangents(automaton.flow)(mode, 0.0, y, moved, found[0])
+                copy_for_tangents(automaton.margins)(mode, 0.0, y, moved, *found[1:])
+                for code in range(2 * m):
+                    found.append([*y])
+                    copy_for_tangents(automaton.transition)(mode, code, 0.0, found[-1], moved)
+                if any(isinstance(number, Dual) for numbers in found for number in numbers):
+                    return True
+    except Exception:
+        return True  # a function that takes no tangents, or not there
+    return False
+
+
 def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
     """Return the derivatives of a run; see `Run.derivatives`."""
-    names = (names,) if isinstance(names, str) else tuple(names)
-    run._log("derivatives")
+    names = (names,) if isinstance(names, str) else tuple(names or ())
+    if run.keep != "events":
+        events: list[Events] = []
+        first = run.trajectory
+        integrate(first.problem, first.start, run.periods, consume=events.append)
+        trajectory = first.with_events(Events.joined(events) if events else first.events)
+        run = replace(run, keep="events", trajectory=trajectory)
     family, automaton = run.system.family(run.options), run.trajectory.automaton
     states = [f"{INITIAL}{name}" for name in automaton.states]
     for name in names:
@@ -377,6 +479,7 @@ def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
     active = tuple(name for name in names if name in family.values)
     point = ParameterPoint.of(family, active, np.array([family.value(name) for name in active]))
     s, n, scales = len(names), len(automaton.states), np.ones(len(names))
+    moves = [{name: 1.0} for name in names]
     quantities = Quantities(
         np.zeros((n, s)),
         np.zeros((s, len(point.parameters))),
@@ -388,8 +491,8 @@ def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
             quantities.starts[states.index(name), c] = 1.0
             continue
         k = active.index(name)
-        scales[c] = point.scales[k]
+        scales[c] = moves[c][name] = float(point.scales[k])
         quantities.directions[c] = point.directions[k]
         quantities.period_rates[c] = point.period_rates[k] / scales[c]
         quantities.switch_rates[c] = point.switch_rates[k] / scales[c]
-    return RunDerivatives(run, names, family, quantities, scales)
+    return RunDerivatives(run, names, family, quantities, scales, tuple(moves))

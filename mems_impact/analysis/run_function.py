@@ -12,8 +12,10 @@ from mems_impact._util.arrays import Floats
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.run_derivatives import INITIAL, derivatives_of
 from mems_impact.analysis.simulate import simulate
+from mems_impact.errors import InvalidParameter
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.state import State
 
 __all__ = ["RunFunction", "value_and_jacobian"]
 
@@ -29,10 +31,19 @@ class RunFunction:
 
     def run(self, values: Any) -> Run:
         """Return the run with these values."""
-        chosen = dict(zip(self.parameters, np.atleast_1d(values).tolist(), strict=True))
+        numbers = np.atleast_1d(values).tolist()
+        if len(numbers) != len(self.parameters):
+            raise InvalidParameter(
+                "values", values, f"one for each of {', '.join(self.parameters)}"
+            )
+        chosen = dict(zip(self.parameters, numbers, strict=True))
         inner = {name: value for name, value in chosen.items() if not name.startswith(INITIAL)}
         starts = {name.removeprefix(INITIAL): chosen[name] for name in chosen.keys() - inner.keys()}
-        initial = {**dict(self.arguments.get("initial") or {}), **starts} or None
+        given = self.arguments.get("initial") or {}
+        if isinstance(given, State):
+            initial: Any = given.replace(**starts)
+        else:
+            initial = {**given, **starts} or None
         return simulate(self.system.changed(**inner), **{**self.arguments, "initial": initial})
 
     def value(self, values: Any) -> Floats:

@@ -237,6 +237,73 @@ def test_names_that_are_refused(names, message):
     assert str(caught.value).startswith(message)
 
 
+def test_a_switch_at_once_after_another_one_in_a_later_period():
+    """At the end u = b + r (t - T), with the instant T = c/b of both switches."""
+    system = mi.System(
+        states=("u",),
+        modes=("first", "passed", "last"),
+        flow=lambda mode, t, y, p: (p.b if mode < 2 else p.r,),
+        parameters={"b": 0.7, "c": 2.0, "r": 0.2, "omega": 2.0 * math.pi},
+        period=lambda p: 2.0 * math.pi / p.omega,
+        guards=[
+            mi.Guard("level", lambda mode, t, y, p: p.c - y.u,
+                     lambda mode, t, y, p: (1, (y.u,)), modes=(0,)),
+            mi.Guard("at once", lambda mode, t, y, p: p.r - y.u,
+                     lambda mode, t, y, p: (2, (p.b,)), modes=(1,), condition=True),
+        ],
+    )  # fmt: skip
+    run = mi.simulate(system, periods=5, options=INTERPRETED)
+    found = run.derivatives(["b", "c", "omega"])
+    t, instant = 5.0, 2.0 / 0.7
+    rates = {"b": 1.0 + 0.2 * instant / 0.7, "c": -0.2 / 0.7, "omega": -0.2 * t / (2.0 * math.pi)}
+    for name, rate in rates.items():
+        assert found.final.loc["u", name] == pytest.approx(rate, abs=1e-9)
+    instants = found.events[["dt/db", "dt/dc", "dt/domega"]].to_numpy()
+    assert instants == pytest.approx(np.array([[-instant / 0.7, 1.0 / 0.7, 0.0]] * 2), abs=1e-9)
+
+
+def test_functions_of_statistics_and_directions():
+    run = mi.simulate(bouncing(0.5), duration=1.2, keep="statistics", options=INTERPRETED)
+    full = mi.simulate(bouncing(0.5), duration=1.2, options=INTERPRETED)
+    names = ["e", "x0.x"]
+    found = full.derivatives(names)
+
+    def speed(run):
+        return run.impacts["v after"].iloc[-1]
+
+    by_name = found.of(speed)
+    along = found.directional({"e": 2.0, "x0.x": 0.5}).of(speed).loc["direction"]
+    assert along == pytest.approx(2.0 * by_name["e"] + 0.5 * by_name["x0.x"], rel=1e-9)
+    assert by_name["e"] == pytest.approx(3.0 * 0.25 * math.sqrt(2.0 * 9.8), rel=1e-9)
+    assert run.derivatives(names).final.equals(found.final)
+
+
+def test_the_state_at_the_end_of_bounces_moves_with_its_instant():
+    """Beside the ball u falls freely: at the instant of rest du/de = -u T', T' = 8 sqrt(2/g)."""
+    floor = mi.Stopper("floor", "x", "v", lower=0.0, restitution="e")
+    system = mi.System(
+        states=("x", "v", "u"), flow=lambda mode, t, y, p: (y.v, -p.g, -y.u),
+        parameters={"g": 9.8, "e": 0.5}, initial={"x": 1.0, "u": 1.0}, parts=[floor],
+    )  # fmt: skip
+    run = mi.simulate(system, duration=3.0, options=INTERPRETED)
+    rest = run.derivatives(["e"]).events.iloc[-1]
+    u = run.events["u"].iloc[-1]
+    assert rest["du/de"] == pytest.approx(-u * 8.0 * math.sqrt(2.0 / 9.8), abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["threshold", "count", "spare"])
+def test_what_has_no_derivative_is_refused(name):
+    def flow(mode, t, y, p):
+        return (-p.k * y.x ** int(p.count), 1.0 if y.x < p.threshold else 0.0)
+
+    values = {"k": 1.0, "threshold": -9.0, "count": 1.0, "spare": 0.0}
+    system = mi.System(states=("x", "z"), flow=flow, parameters=values, initial={"x": 1.0})
+    run = mi.simulate(system, duration=1.0, options=INTERPRETED)
+    assert run.derivatives(["k"]).final.loc["x", "k"] == pytest.approx(-math.exp(-1.0), abs=1e-8)
+    with pytest.raises(mi.InvalidParameter, match=f"'{name}': must be one that the equations read"):
+        run.derivatives([name]).final  # noqa: B018
+
+
 def test_times_outside_the_run():
     found = mi.simulate(bouncing(0.5), duration=0.2, options=INTERPRETED).derivatives(["e"])
     with pytest.raises(mi.InvalidParameter, match=r"times from 0 to 0\.2"):

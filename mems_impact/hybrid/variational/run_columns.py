@@ -47,6 +47,7 @@ from mems_impact.hybrid.variational.saltation import (
 )
 from mems_impact.integrators import interface
 
+SAME_TIME = 1e-6  # time between simultaneous events, in time scales
 SAMPLE = -1  # kind of a piece that ends without an event
 NOTHING = 0, 0.0, SAMPLE, 0, 0
 DONE = -1  # result of `propagate_columns`
@@ -147,11 +148,13 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
         for j in range(n):
             for c in range(s):
                 path.before[i, j, c] = path.after[i, j, c] = y[n + s * j + c]
-        if kind == SAMPLE:
+        if kind in (SAMPLE, ACCUMULATION, APPROACH):
             interface.flow(engine, mode, end, y, slope)
             for j in range(n):
                 path.ends[i, j] = y[j]
                 path.slopes[i, 0, j] = path.slopes[i, 1, j] = slope[j]
+        if kind == APPROACH:
+            approach(engine, i, slope, path)
         if kind in (TRANSITION, SWITCH):
             is_later = i == 0 or end > start or path.pieces[i - 1, 1] != TRANSITION
             if not cross(engine, i, is_later, path):
@@ -160,6 +163,21 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
             for c in range(s):
                 y[n + s * j + c] = path.after[i, j, c]
     return DONE
+
+
+def approach(engine: Any, i: int, slope: Any, path: Any) -> None:
+    """Write the derivatives of the instant at which the rate of a margin is zero."""
+    w, s, y = path.variational, path.columns, path.y
+    n, row = w.n, w.m + path.pieces[i, 2]
+    differentiate_event(engine, path.pieces[i, 0], 2 * w.m, path.times[i, 1], y, w)
+    change = w.margin[row, n + 1]
+    for j in range(n):
+        change += w.margin[row, 1 + j] * slope[j]
+    for c in range(s):
+        shift = w.margin[row, n + 2 + c]
+        for j in range(n):
+            shift += w.margin[row, 1 + j] * y[n + s * j + c]
+        path.instants[i, c] = -shift / change if change != 0.0 else math.nan
 
 
 def set_clock(engine: Any, path: Any, i: int) -> None:
@@ -201,10 +219,11 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
             size += abs(margin[guard, 1 + j] * y[j])
         error = path.tolerances[0] * size + path.tolerances[1] * gain
         path.margins[i, 0], path.margins[i, 1], path.margins[i, 2] = rate, change, error
-        depth = TOLERANCES * error + 1e-6 * abs(rate) * path.tolerances[2]
+        depth = TOLERANCES * error + SAME_TIME * abs(rate) * path.tolerances[2]
         own = is_later or abs(path.first_margins[guard]) <= depth
         if own and not is_later and path.records[guard] == 0:
             return False
+        path.first_margins[guard] = math.inf  # to happen again is a consequence
         for c in range(s):
             if own:
                 shift = margin[guard, n + 2 + c]
@@ -357,8 +376,6 @@ class RunColumns:
     trajectory : Trajectory
         With its events.
     quantities : Quantities
-    rtol : float, optional
-        Relative tolerance of the columns; by default the tolerance of the run.
     one_sided : bool, optional
         Whether simultaneous events happen in the order of their instants for a small positive step.
         Otherwise a column is nan beyond them unless all orders lead to it.
@@ -369,7 +386,6 @@ class RunColumns:
         trajectory: Trajectory,
         quantities: Quantities,
         *,
-        rtol: float | None = None,
         one_sided: bool = False,
     ) -> None:
         problem, (starts, directions, *_) = trajectory.problem, quantities
@@ -380,11 +396,9 @@ class RunColumns:
         n, s, p = self._n, self._s, np.asarray(problem.parameters, dtype=float)
         size = n * (1 + s)
         self._block = extended_parameters(p, directions, n, s)
-        tolerance = options.rtol if rtol is None else rtol
-        looser = tolerance / options.rtol
         # The columns of a smooth arc are more accurate by dop853, and need half the time.
         method = "dop853" if options.method == "adams" else options.method
-        chosen = replace(options, method=method, rtol=tolerance, atol=options.atol * looser)
+        chosen = replace(options, method=method)
 
         def build(exact: bool) -> tuple[EngineBinding, Any]:
             flow = tangent_flow(automaton.flow, n, p.size, s, s, exact=exact)
@@ -398,7 +412,7 @@ class RunColumns:
     def at(self, times: Floats, side: str = "after", inner: bool = False) -> Columns:
         """Return the columns at all events, and at some times since the start of period 0.
 
-        With `inner`, closest approaches and crossings of the section count as samples.
+        With `inner`, at closest approaches and crossings of the section, too.
 
         Raises
         ------
@@ -449,6 +463,7 @@ class RunColumns:
         starts, ends = np.full((count, n), np.nan), np.zeros((count, n))
         switch_rates = np.zeros((count, s))
         base, time, mode, shift = start.cycle, start.time, start.mode, 0
+        reached = base, time  # cycle and time of the last event
         state: Floats | None = start.y
         later = np.concatenate([np.full(shown.size, np.nan), samples])[order].tolist()
         events = log.cycle, log.time, log.kind, log.guard, log.mode_after
@@ -457,9 +472,13 @@ class RunColumns:
             if state is not None:
                 starts[i] = state
             cycle, instant, kind, guard, mode_after = listed[row] if row >= 0 else NOTHING
+            # Events of one instant have one time base.
+            if reached[0] != base and (row < 0 or (cycle, instant) != reached):
+                shift, (base, time) = reached[0] - base, reached
             if row < 0 or kind in inside:
                 end = max((later[i] if row < 0 else cycle * period + instant) - base * period, time)
-                pieces[i] = mode, SAMPLE, 0, mode
+                approaches = row >= 0 and kind == APPROACH
+                pieces[i] = mode, APPROACH if approaches else SAMPLE, guard, mode
                 times[i] = time, end, shift, base
                 time, state, shift = end, None, 0
                 continue
@@ -469,7 +488,7 @@ class RunColumns:
             if kind == SWITCH and switches.size:
                 nearest = int(np.argmin(np.abs(switches - instant)))
                 switch_rates[i] = self._quantities.switch_rates[:, nearest]
-            shift, base, time, mode = cycle - base, cycle, instant, mode_after
+            shift, time, mode, reached = 0, float(times[i, 1]), mode_after, (cycle, instant)
         for states in (starts, ends):
             states[:, ~self._moving] *= 0.0
         y = np.concatenate([starts[0] if count else start.y, self._quantities.starts.ravel()])
@@ -536,18 +555,21 @@ class RunColumns:
         columns, mode = path.before[begin].copy(), int(path.pieces[begin, 0])
         state = np.where(self._moving, log.before[rows[begin]], 0.0)
         instant, kinds[begin:end] = (t, path.times[begin, 3]), TIE
-        instants = {
-            guard: self._cross(path, instant, columns, mode, state, guard)[1] for guard in guards
-        }
+        margins, instants = path.first_margins.copy(), {}
+        known = tie == begin + 1 and len(set(guards)) == len(guards) <= MOST_TIED
+        for guard in guards:
+            alone, *_ = self._cross(path, instant, columns, mode, state, guard)
+            instants[guard] = alone.instants[0]
+            known &= guard == guards[0] or abs(margins[guard]) <= self._depth(alone.margins[0])
         outcomes = {}
-        if len(guards) <= MOST_TIED and len(set(guards)) == len(guards):
-            for order in permutations(guards):
-                w, y, reached = columns, state, mode
-                for guard in order:
-                    w, _, y, reached = self._cross(path, instant, w, reached, y, guard)
-                same = np.abs(y - path.ends[end - 1]) <= SAME_RTOL * (1.0 + np.abs(y))
-                if reached == path.pieces[end - 1, 3] and same.all():
-                    outcomes[order] = w
+        for order in permutations(guards) if known else ():
+            w, y, reached = columns, state, mode
+            for guard in order:
+                alone, y, reached = self._cross(path, instant, w, reached, y, guard)
+                w = alone.after[0]
+            same = np.abs(y - path.ends[end - 1]) <= SAME_RTOL * (1.0 + np.abs(y))
+            if reached == path.pieces[end - 1, 3] and same.all():
+                outcomes[order] = w
         after = np.zeros_like(columns)
         for c in range(self._s):
             ahead = tuple(sorted(guards, key=lambda guard: float(instants[guard][c])))
@@ -561,10 +583,19 @@ class RunColumns:
                 lost[end - 1 :, c] = True
             else:
                 after[:, c] = found[0]
+        w, y, reached = columns, state, mode
         for i, guard in enumerate(guards, begin):
-            path.instants[i], path.before[i], path.after[i] = instants[guard], columns, after
-        path.y[self._n :] = after.ravel()
+            alone, y, reached = self._cross(path, instant, w, reached, y, guard)
+            path.before[i], path.after[i], w = w, alone.after[0], alone.after[0]
+            path.instants[i], path.slopes[i] = instants[guard], alone.slopes[0]
+        path.after[end - 1], path.y[self._n :] = after, after.ravel()
         return end
+
+    def _depth(self, margin: Floats) -> float:
+        """Return the margin below which an event is at the same time as another one."""
+        rate, _, error = margin
+        scale = self._problem.time_scale or self._problem.period
+        return float(TOLERANCES * error + SAME_TIME * abs(rate) * scale)
 
     def _cross(
         self,
@@ -574,8 +605,8 @@ class RunColumns:
         mode: int,
         state: Floats,
         guard: int,
-    ) -> tuple[Floats, Floats, Floats, int]:
-        """Return columns, derivatives of the instant, state and mode after one event."""
+    ) -> tuple[ColumnPath, Floats, int]:
+        """Return one event as a path, and state and mode after it."""
         (t, base), n, s = instant, self._n, self._s
         p = self._problem.parameters_at(int(base))
         mode_after, end = self._problem.automaton.state_after(mode, guard, t, state, p)
@@ -593,7 +624,7 @@ class RunColumns:
             switch_rates=np.zeros((1, s)),
         )
         self._binding.call(propagate_columns, self._block, alone, 0)
-        return alone.after[0], alone.instants[0], end, mode_after
+        return alone, end, mode_after
 
     def _end_chatter(self, path: ColumnPath, kinds: NDArray[Any]) -> None:
         """Write the derivatives of the instants at which chatter ends.
