@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER
 from mems_impact.actuator.design.static_forces import StaticForces
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import ActuatorParameters
+from mems_impact.actuator.plausible_ranges import LENGTH, MASS, STIFFNESS, Range
 from mems_impact.actuator.terms.base import Device, Term, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.errors import InvalidParameter, UnitsWarning
@@ -22,20 +23,6 @@ from mems_impact.errors import InvalidParameter, UnitsWarning
 __all__ = ["check_plausible_device", "check_plausible_drive", "check_plausible_target"]
 
 
-class Range(NamedTuple):
-    """Plausible bounds of a quantity, and its usual value; 0 is always plausible."""
-
-    low: float
-    usual: float
-    high: float
-
-
-# More than a factor 10 wider than the range of published devices, on either side.
-MASS, LENGTH = Range(1e-13, 1e-7, 1e-3), Range(1e-9, 5e-6, 1e-3)
-ELECTRODE_LENGTH = Range(1e-7, 1e-4, 1e-1)
-STIFFNESS, FORCE = Range(1e-4, 10.0, 1e6), Range(1e-13, 1e-6, 0.1)
-CAPACITANCE = Range(1e-19, 1e-12, 1e-6)
-SPEED, PER_SPEED = Range(1e-10, 1e-2, 1e3), Range(1e-6, 1.0, 1e6)
 DEVICE_RANGES = {
     "m1": MASS,
     "m2": MASS,
@@ -48,46 +35,6 @@ DEVICE_RANGES = {
     "alpha": Range(1e-25, 1e-19, 1e-14),
     "g": Range(0.0, 10.0, 300.0),
 }
-TERM_RANGES = {
-    "adhesion.force": FORCE,
-    "charge_drive.parasitic_capacitance": CAPACITANCE,
-    "comb_drive.gap": LENGTH,
-    "comb_drive.thickness": LENGTH,
-    "comb_drive.overlap": LENGTH,
-    "comb_drive.permittivity": Range(8.8e-12, 8.9e-12, 1e-9),
-    "compliant_stopper.stiffness": Range(1e-2, 1e5, 1e11),
-    "compliant_stopper.damping": PER_SPEED,
-    "compliant_stopper.depth": Range(1e-13, 1e-8, 1e-3),
-    "cubic_stiffness.k3": Range(1e2, 1e11, 1e20),
-    "dielectric_charging.time": Range(1e-8, 1.0, 1e9),
-    "frame_force.force": FORCE,
-    "frame_spring.k1": STIFFNESS,
-    "fringing.width": ELECTRODE_LENGTH,
-    "fringing.length": ELECTRODE_LENGTH,
-    "power_law_restitution.speed": SPEED,
-    "regularized_friction.width": SPEED,
-    "series_resistance.resistance": Range(1e-3, 1e6, 1e16),
-    "series_resistance.parasitic_capacitance": CAPACITANCE,
-    "series_resistance.current_limit": Range(1e-15, 1e-6, 10.0),
-    "slew_rate.rate": Range(1e-6, 1e5, 1e12),
-    "squeeze_film.length": ELECTRODE_LENGTH,
-    "squeeze_film.width": ELECTRODE_LENGTH,
-    "squeeze_film.pressure": Range(1e-4, 1e5, 1e8),
-    "squeeze_film.viscosity": Range(1e-7, 2e-5, 1e-2),
-    "squeeze_film.free_path_pressure": Range(1e-4, 7e-3, 1.0),
-    "stribeck_friction.speed": SPEED,
-    "stribeck_friction.viscous": PER_SPEED,
-    "tabulated_capacitance.positions": LENGTH,
-    "tabulated_capacitance.capacitances": CAPACITANCE,
-    "tabulated_restitution.speeds": SPEED,
-    "tabulated_spring.positions": LENGTH,
-    "tabulated_spring.forces": FORCE,
-    "tilt.angle": Range(0.0, 0.05, 0.8),
-    "tilted_plate.angle": Range(0.0, 0.01, 0.8),
-    "tilted_plate.length": ELECTRODE_LENGTH,
-}
-"""Ranges of the parameters of terms."""
-
 VOLTAGE, CHARGE = Range(0.0, 30.0, 1e4), Range(1e-19, 1e-12, 1e-7)
 PERIOD = Range(1e-8, 1e-3, 300.0)
 TARGET_RANGES = {
@@ -199,11 +146,11 @@ def _check_term(term: Term) -> None:
     """Warn of implausible numbers of a term, except for defaults."""
     for field, info in type(term).model_fields.items():
         name, value = f"{term.name()}.{field}", getattr(term, field)
-        if name not in TERM_RANGES or value is None or value == info.default:
+        within = term.plausible.get(field)
+        if within is None or value is None or value == info.default:
             continue
         if name == "compliant_stopper.stiffness" and not _is_stiffness(term):
             continue
-        within = TERM_RANGES[name]
         unit = "rad" if field == "angle" else term.units.get(field, "")
         size = max(value) if isinstance(value, tuple) else value
         if name == "squeeze_film.free_path_pressure" and 0.0 < size < within.low:

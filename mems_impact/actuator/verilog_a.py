@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -16,365 +16,28 @@ from pydantic.fields import FieldInfo
 from mems_impact._util.files import file_path, replacing
 from mems_impact._util.limits import BOUND_RTOL
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, ActuatorParameters
-from mems_impact.actuator.splines import COEFFICIENTS, coefficients
-from mems_impact.actuator.terms.adhesion import Adhesion
-from mems_impact.actuator.terms.base import Term
-from mems_impact.actuator.terms.comb_drive import MIN_OVERLAP_RATIO, CombDrive
 from mems_impact.actuator.terms.compliant_stopper import CompliantStopper
-from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness
 from mems_impact.actuator.terms.dielectric_charging import DielectricCharging
-from mems_impact.actuator.terms.frame_force import FrameForce
-from mems_impact.actuator.terms.frame_spring import FrameSpring
-from mems_impact.actuator.terms.fringing import Fringing
 from mems_impact.actuator.terms.regularized_friction import RegularizedFriction
 from mems_impact.actuator.terms.series_resistance import SeriesResistance
-from mems_impact.actuator.terms.squeeze_film import FIFTH, FOURTH, SqueezeFilm, share, share_of_row
 from mems_impact.actuator.terms.table import TableTerm
-from mems_impact.actuator.terms.tabulated_capacitance import TabulatedCapacitance
-from mems_impact.actuator.terms.tabulated_spring import STIFFNESS_RTOL, TabulatedSpring
-from mems_impact.actuator.terms.tilt import Tilt
-from mems_impact.actuator.terms.tilted_plate import (
-    FREE_SHARE,
-    SERIES_RATIO,
-    YIELDING_SHARE,
-    TiltedPlate,
+from mems_impact.actuator.verilog_a_code import (
+    PARALLEL,
+    ModuleState,
+    Plate,
+    Side,
+    TermCode,
+    function,
 )
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["verilog_a", "write_verilog_a"]
 
-PI = repr(math.pi)
 POSITION_ABSTOL_RATIO = 1e-6  # absolute tolerance of positions in gaps, and of forces in k d
 MAX_STEP = 0.1  # longest step in units of 1/w0
 
-# --- Code of terms
-
-
-@dataclass(frozen=True)
-class ModuleState:
-    """A state of the module: name, unit as an expression, derivative and initial value."""
-
-    name: str
-    unit: str
-    rate: str
-    start: str = "0.0"
-
-
-@dataclass(frozen=True)
-class Side:
-    """An electrode: the prefix of its variables, its direction and the voltage at its port."""
-
-    prefix: str
-    sign: int
-    voltage: str
-
-    @property
-    def position(self) -> str:
-        """The position of the block towards it."""
-        return "x2" if self.sign > 0 else "-x2"
-
-
-@dataclass(frozen=True)
-class Plate:
-    """The bodies of the functions ``capacitance(x)`` of an electrode and of its derivative.
-
-    The statements assign to NAME; `variables` are further variables.
-    """
-
-    capacitance: str
-    slope: str
-    variables: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class TermCode:
-    """The contributions of a term to the module, named as in `TermContribution`.
-
-    Attributes
-    ----------
-    force, on_frame, on_block
-        Forces on the block with the reaction on the frame, and external forces.
-    normal_force_factor : str
-        A factor of the normal force.
-    adhesion : str
-        The pull-off force.
-    states : tuple of ModuleState
-    functions : tuple of str
-        Further functions.
-    plate : Plate
-        An electrode in place of a parallel plate.
-    constants : tuple of pairs
-        Variables that depend on parameters alone.
-    """
-
-    force: str = ""
-    on_frame: str = ""
-    on_block: str = ""
-    normal_force_factor: str = ""
-    adhesion: str = ""
-    states: tuple[ModuleState, ...] = ()
-    functions: tuple[str, ...] = ()
-    plate: Plate | None = None
-    constants: tuple[tuple[str, str], ...] = ()
-
-
-def function(name: str, inputs: str, body: str, variables: str = "") -> str:
-    """Return an analog function of real numbers."""
-    more = f", {variables}" if variables else ""
-    lines = "\n".join(f"      {line}" for line in body.strip().split("\n"))
-    return (
-        f"  analog function real {name};\n    input {inputs};\n    real {inputs}{more};\n"
-        f"    begin\n{lines}\n    end\n  endfunction"
-    )
-
-
-def tilt(term: Term) -> TermCode:
-    """Return the code of inclined ground."""
-    return TermCode(
-        on_frame="- m1*g*sin(tilt_angle)",
-        on_block="- m2*g*sin(tilt_angle)",
-        normal_force_factor="cos(tilt_angle)",
-    )
-
-
-def squeeze_film(term: Term) -> TermCode:
-    """Return the code of the films, one state for each compartment."""
-    assert isinstance(term, SqueezeFilm)
-    sizes = film_sizes(term.modes)
-    states, forces = [], []
-    for prefix, sign in (("", 1), ("left_", -1)) if term.sides == "both" else (("", 1),):
-        side = Side(prefix, sign, "")
-        names = [f"{prefix}film_{i + 1}" for i in range(len(sizes))]
-        filling = " + ".join(
-            f"{part!r}*{name}" for name, (part, _) in zip(names, sizes, strict=True)
-        )
-        gap = f"electrode_gap({side.position})"
-        forces.append(f"{'-' if sign > 0 else '+'} film_stiffness*({filling})/{gap}")
-        states += [
-            ModuleState(name, "d", film_rate(side, name, f"film_size_{i + 1}"))
-            for i, name in enumerate(names)
-        ]
-
-    return TermCode(
-        force=" ".join(forces),
-        states=tuple(states),
-        functions=(
-            function(
-                "film_size",
-                "along, across",
-                f"film_size = 1.0/({PI}*{PI}*(pow(along/squeeze_film_length, 2)\n"
-                "  + pow(across/squeeze_film_width, 2)));",
-            ),
-            function(
-                "film_mobility",
-                "gap",
-                "knudsen = squeeze_film_free_path_pressure/(squeeze_film_pressure*gap);\n"
-                "rarefied = (knudsen > 0.0) ? 1.0 + 9.638*pow(knudsen, 1.159) : 1.0;\n"
-                "film_mobility = squeeze_film_pressure*gap*gap*rarefied\n"
-                "  /(12.0*squeeze_film_viscosity);",
-                "knudsen, rarefied",
-            ),
-        ),
-        constants=(
-            ("film_stiffness", "squeeze_film_length*squeeze_film_width*squeeze_film_pressure"),
-            ("film_ratio", f"0.5*{PI}*squeeze_film_length/squeeze_film_width"),
-            *((f"film_size_{i + 1}", size) for i, (_, size) in enumerate(sizes)),
-        ),
-    )
-
-
-def film_rate(side: Side, name: str, size: str) -> str:
-    """Return the rate of a compartment."""
-    closing = "v2" if side.sign > 0 else "-v2"
-    return f"{closing} - {name}*film_mobility(electrode_gap({side.position}))/{size}"
-
-
-def film_sizes(modes: int) -> list[tuple[float, str]]:
-    """Return share and size of each compartment, as `squeeze_film.compartments`."""
-    found = []
-    width = "pow(squeeze_film_width, 2)"
-    for row in range(modes):
-        across = 2 * row + 1
-        odd = range(1, 2 * (modes - row), 2)
-        shares = [share(along, across) for along in odd]
-        found += [
-            (part, f"film_size({along}.0, {across}.0)")
-            for along, part in zip(odd, shares, strict=True)
-        ]
-        rest = share_of_row(across) - sum(shares)
-        ends = f"(1.0 - tanh({across}.0*film_ratio)/({across}.0*film_ratio))"
-        total = f"8.0*{width}/pow({PI}*{across}.0, 4)*{ends}"
-        resolved = "".join(
-            f" - {part!r}*film_size({along}.0, {across}.0)"
-            for along, part in zip(odd, shares, strict=True)
-        )
-        found.append((rest, f"({total}{resolved})/{rest!r}"))
-    rest = 1.0 - sum(share_of_row(2 * row + 1) for row in range(modes))
-    rows = range(1, 2 * modes, 2)
-    fourth = FOURTH - sum(across**-4.0 for across in rows)
-    fifth = FIFTH - sum(across**-5.0 for across in rows)
-    first = 2 * modes + 1
-    ends = f"({fifth!r} - (1.0 - tanh({first}.0*film_ratio))/{float(first**5)!r})/film_ratio"
-    found.append((rest, f"8.0*{width}/pow({PI}, 4)*({fourth!r} - {ends})/{rest!r}"))
-    return found
-
-
-STOPPER = """\
-stopper = compliant_stopper_stiffness*depth
-  *pow(depth/compliant_stopper_depth, compliant_stopper_exponent - 1.0)
-  *max(1.0 + 1.5*compliant_stopper_damping*rate, 0.0);"""
-
-GAP = "gap = electrode_gap(x);\n"
-
-PARALLEL = Plate(GAP + "NAME = 2.0*alpha/gap;", GAP + "NAME = 2.0*alpha/(gap*gap);", "gap")
-
-
-def fringing(term: Term) -> TermCode:
-    """Return the code of fringing fields at two or four edges."""
-    sizes = [f"fringing_{name}" for name in numbers_of(term)]
-    factors = [f"fringe(gap, {size})" for size in sizes]
-    slopes = [f"fringe_slope(gap, {size})" for size in sizes]
-    by_gap = slopes[0]
-    if len(sizes) == 2:
-        by_gap = f"({slopes[0]}*{factors[1]} + {factors[0]}*{slopes[1]})"
-    product = "*".join(factors)
-    edge = f"fringe = 1.0 + gap/({PI}*size)*(1.0 + ln(2.0*{PI}*size/gap));"
-    edge_slope = f"fringe_slope = ln(2.0*{PI}*size/gap)/({PI}*size);"
-    return TermCode(
-        plate=Plate(
-            f"{GAP}NAME = 2.0*alpha*{product}/gap;",
-            f"{GAP}NAME = 2.0*alpha*({product}/gap - {by_gap})/gap;",
-            "gap",
-        ),
-        functions=(
-            function("fringe", "gap, size", edge),
-            function("fringe_slope", "gap, size", edge_slope),
-        ),
-    )
-
-
-COMB = "2.0*comb_drive_fingers*comb_drive_permittivity*comb_drive_thickness/comb_drive_gap"
-
-COMB_PLATE = Plate(
-    f"NAME = {COMB}*max(comb_drive_overlap + x, {MIN_OVERLAP_RATIO}*comb_drive_overlap);",
-    f"NAME = {COMB};",
-    "",
-)
-
-WEDGE = f"""\
-wedge = 0.5*tilted_plate_length*abs(tilted_plate_angle);
-gap = max(d - x, wedge + {FREE_SHARE}*(d - delta - wedge));
-"""
-
-TILTED_PLATE = Plate(
-    f"""\
-{WEDGE}ratio = wedge/gap;
-factor = 1.0 + ratio*ratio/3.0;
-if (ratio > {SERIES_RATIO})
-  factor = atanh(ratio)/ratio;
-NAME = 2.0*alpha*factor/gap;""",
-    f"{WEDGE}NAME = 2.0*alpha/((gap - wedge)*(gap + wedge));",
-    "wedge, gap, ratio, factor",
-)
-
-SPLINE_VARIABLES = "inside, u, h, c0, c1, c2, c3, c4, c5, by_u"
-
-
-def spline_body(term: TableTerm, *, slope: bool) -> str:
-    """Return the body of a function with the spline of a table, or of its derivative.
-
-    Beyond the table it is continued by its tangent.
-    """
-    x = term.positions
-    found = coefficients(x, getattr(term, term.column))
-    lines = [f"inside = min(max(x, {x[0]!r}), {x[-1]!r});"]
-    for i in range(len(x) - 1):
-        own = found[COEFFICIENTS * i : COEFFICIENTS * (i + 1)]
-        condition = f"if (inside < {x[i + 1]!r}) " if i < len(x) - 2 else ""
-        lines += [
-            f"{'else ' if i else ''}{condition}begin",
-            f"  h = {x[i + 1] - x[i]!r};",
-            f"  u = (inside - ({x[i]!r}))/h;",
-            "  " + " ".join(f"c{k} = {value!r};" for k, value in enumerate(own)),
-            "end",
-        ]
-    lines.append("by_u = c1 + u*(2.0*c2 + u*(3.0*c3 + u*(4.0*c4 + u*5.0*c5)));")
-    if slope:
-        lines.append("NAME = by_u/h;")
-    else:
-        lines.append("NAME = c0 + u*(c1 + u*(c2 + u*(c3 + u*(c4 + u*c5)))) + by_u/h*(x - inside);")
-    return "\n".join(lines)
-
-
-def tabulated_capacitance(term: Term) -> TermCode:
-    """Return the code of electrodes from a table, with its numbers."""
-    assert isinstance(term, TableTerm)
-    value, slope = spline_body(term, slope=False), spline_body(term, slope=True)
-    return TermCode(plate=Plate(value, slope, SPLINE_VARIABLES))
-
-
-def tabulated_spring(term: Term) -> TermCode:
-    """Return the code of a spring from a table, with its numbers."""
-    assert isinstance(term, TableTerm)
-    body = spline_body(term, slope=False).replace("NAME", "restoring")
-    return TermCode(
-        force="+ k*x2 - restoring(x2)",
-        functions=(function("restoring", "x", body, SPLINE_VARIABLES),),
-    )
-
-
-SOURCE_CURRENT = {
-    False: "source_current = drop/series_resistance_resistance;",
-    True: """\
-source_current = min(max(drop/series_resistance_resistance,
-  -series_resistance_current_limit), series_resistance_current_limit);""",
-}
-
-
-def has(term: Term, name: str) -> bool:
-    """Return whether a term has an optional number."""
-    return getattr(term, name) is not None
-
-
-TERM_CODES: dict[type[Term], Callable[[Term], TermCode]] = {
-    Adhesion: lambda term: TermCode(adhesion="adhesion_force"),
-    CombDrive: lambda term: TermCode(plate=COMB_PLATE),
-    CompliantStopper: lambda term: TermCode(
-        functions=(function("stopper", "depth, rate", STOPPER),)
-    ),
-    CubicStiffness: lambda term: TermCode(force="- cubic_stiffness_k3*x2*x2*x2"),
-    DielectricCharging: lambda term: TermCode(),  # see `electrode_states`
-    FrameForce: lambda term: TermCode(on_frame="- frame_force_force"),
-    FrameSpring: lambda term: TermCode(on_frame="- frame_spring_k1*x1"),
-    Fringing: fringing,
-    RegularizedFriction: lambda term: TermCode(
-        functions=(
-            function(
-                "friction",
-                "speed",
-                "friction = mu_d*tanh(speed/regularized_friction_width);",
-            ),
-        )
-    ),
-    SeriesResistance: lambda term: TermCode(  # see `electrode_states`
-        functions=(function("source_current", "drop", SOURCE_CURRENT[has(term, "current_limit")]),)
-    ),
-    SqueezeFilm: squeeze_film,
-    TabulatedCapacitance: tabulated_capacitance,
-    TabulatedSpring: tabulated_spring,
-    Tilt: tilt,
-    TiltedPlate: lambda term: TermCode(plate=TILTED_PLATE),
-}
-"""Terms with a Verilog-A form. A table is part of the code; all other numbers are parameters."""
-
 SMOOTH_TERMS = CompliantStopper, RegularizedFriction
 """Terms that make contact and friction smooth functions of the state."""
-
-
-def numbers_of(term: Term) -> dict[str, float]:
-    """Return the numbers of a term that are parameters of the module."""
-    found = {name: getattr(term, name) for name in type(term).model_fields}
-    return {name: value for name, value in found.items() if isinstance(value, float)}
 
 
 # --- The module
@@ -443,12 +106,13 @@ def layout_of(actuator: ActuatorParameters, electrodes: int) -> Layout:
             "add these terms, or export an FMU"
         )
         raise InvalidParameter("terms", names or None, "", problem=problem)
-    refuse([term.name() for term in actuator.terms if type(term) not in TERM_CODES])
+    codes = [term.verilog_a() for term in actuator.terms]
+    named = zip(actuator.terms, codes, strict=True)
+    refuse([term.name() for term, code in named if code is None])
     sides = (Side("", 1, "V(electrode)"), Side("left_", -1, "V(left_electrode)"))
-    codes = tuple(TERM_CODES[type(term)](term) for term in actuator.terms)
     return Layout(
         actuator=actuator,
-        codes=codes,
+        codes=tuple(code for code in codes if code is not None),
         sides=sides[:electrodes],
         series=SeriesResistance in kinds,
         charging=DielectricCharging in kinds,
@@ -643,38 +307,27 @@ def term_numbers(actuator: ActuatorParameters) -> list[tuple[str, str]]:
     return [
         (f"{term.name()}.{name}", f"{term.name()}_{name}")
         for term in actuator.terms
-        for name in numbers_of(term)
+        for name in term.names
     ]
 
 
-def bounded_ranges(actuator: ActuatorParameters) -> dict[str, str]:
-    """Return the ranges of parameters that depend on others, as `Term.bounds` has them."""
-    edge = f"{number(2.0 * YIELDING_SHARE)}*(d - delta)/tilted_plate_length"
-    size = f"[{number(2.0 * (1.0 - BOUND_RTOL))}*(d + delta):inf)"
-    ranges = {
-        "mu_d": "[0.0:mu_s]",
-        "comb_drive_overlap": "(0.5*(d + delta):inf)",
-        "fringing_width": size,
-        "fringing_length": size,
-        "squeeze_film_width": "(0.0:squeeze_film_length]",
-        "tilted_plate_angle": f"(-{edge}:{edge})",
+def bounded_ranges(layout: Layout) -> dict[str, str]:
+    """Return the ranges of parameters that depend on others."""
+    ranges = {"mu_d": "[0.0:mu_s]"} | {
+        name: limits for each in layout.every("ranges") for name, limits in each
     }
-    tables = [term.positions for term in actuator.terms if isinstance(term, TableTerm)]
+    tables = [term.positions for term in layout.actuator.terms if isinstance(term, TableTerm)]
     most = "d"
     if tables:
         end = number((1.0 + BOUND_RTOL) * min(min(-x[0], x[-1]) for x in tables))
         most = f"min(d, 2.0*{end} - d)"
-    for term in actuator.terms:
-        if isinstance(term, TabulatedSpring) and (own := term.slope(0.0)) > 0.0:
-            low, high = (1.0 - STIFFNESS_RTOL) * own, (1.0 + STIFFNESS_RTOL) * own
-            ranges["k"] = f"[{number(low)}:{number(high)}]"
     return {**ranges, "delta": f"(0.0:{most})"}
 
 
 def parameters_of(layout: Layout) -> list[str]:
     """Return the declarations of parameters, each with unit and range."""
     actuator = layout.actuator
-    ranges = bounded_ranges(actuator)
+    ranges = bounded_ranges(layout)
     found = []
 
     def declare(name: str, value: str, limits: str, comment: str) -> None:
@@ -687,14 +340,12 @@ def parameters_of(layout: Layout) -> list[str]:
         comment = f"{PARAMETER_MEANINGS.get(name, name)} [{unit}]"
         declare(name, number(getattr(actuator, name)), limits, comment)
     for term in actuator.terms:
-        names = {name: f"{term.name()}_{name}" for name in numbers_of(term)}
+        names = {name: f"{term.name()}_{name}" for name in term.names}
         # A range refers to parameters that are declared before.
-        for name, value in sorted(
-            numbers_of(term).items(), key=lambda each: names[each[0]] in ranges
-        ):
+        for name in sorted(term.names, key=lambda name: names[name] in ranges):
             limits = ranges.get(names[name]) or range_of(type(term).model_fields[name])
             comment = f"{type(term).__name__} [{term.units.get(name, '-')}]"
-            declare(names[name], number(value), limits, comment)
+            declare(names[name], number(getattr(term, name)), limits, comment)
     for name, kind in INITIAL.items():
         frame = "the frame" if name[1] == "1" else "the block in the frame"
         limits = "[-delta:delta]" if name == "x2_0" else "(-inf:inf)"

@@ -28,6 +28,7 @@ from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Checked
+from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.units import scaled_fields, unscaled_fields
 from mems_impact.errors import InvalidParameter, ValidityWarning
 from mems_impact.hybrid.problem import Problem
@@ -38,6 +39,7 @@ from mems_impact.systems.observables import EventObserver
 
 if TYPE_CHECKING:
     from mems_impact.actuator.drives.base import Drive
+    from mems_impact.actuator.verilog_a_code import TermCode
 
 __all__ = [
     "Device",
@@ -244,6 +246,8 @@ class Term(Checked, ABC):
     units : mapping of str to str
         The SI unit of every field and state that is not dimensionless, such as "N/m^3" (kg, m, s, V
         and derived units).
+    plausible : mapping of str to Range
+        Plausible ranges of its numbers in SI, outside which a warning suggests another unit.
     replaced_rule : str
         The rule of the paper that the term replaces, if any: "stopper" (with its restitution),
         "restitution", "friction", "spring", "source" (an ideal voltage), "electrode" (the
@@ -281,6 +285,7 @@ class Term(Checked, ABC):
     """
 
     units: ClassVar[Mapping[str, str]] = {}
+    plausible: ClassVar[Mapping[str, Range]] = {}
     replaced_rule: ClassVar[str] = ""
     plates: ClassVar[bool] = True
     layer: ClassVar[int] = 0
@@ -298,6 +303,10 @@ class Term(Checked, ABC):
     def from_table(cls, values: Mapping[str, Any], folder: Path) -> Self:
         """Return the term of a table in a device file; paths are relative to `folder`."""
         return cls(**values)
+
+    def verilog_a(self) -> TermCode | None:
+        """Return its contributions to a Verilog-A module; None if it has no such form."""
+        return None
 
     @classmethod
     def acts_at(cls, shape: Shape, side: int) -> bool:

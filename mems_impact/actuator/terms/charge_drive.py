@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mems_impact.actuator.parameter_base import NonNegative
+from mems_impact.actuator.plausible_ranges import CAPACITANCE
 from mems_impact.actuator.terms.base import (
     Device,
     Electrode,
@@ -63,6 +64,7 @@ class ChargeDrive(Term):
     parasitic_capacitance: NonNegative = 0.0
 
     units = {"parasitic_capacitance": "F"}  # noqa: RUF012 - ClassVar above
+    plausible = {"parasitic_capacitance": CAPACITANCE}  # noqa: RUF012 - ClassVar above
     replaced_rule = "source"
     layer = 1
     in_series = True

@@ -10,9 +10,16 @@ from pydantic import Field
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.equations import V2, X2
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
+from mems_impact.actuator.plausible_ranges import PER_SPEED, Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
+from mems_impact.actuator.verilog_a_code import TermCode, function
 
 __all__ = ["CompliantStopper"]
+
+_LAW = """\
+stopper = compliant_stopper_stiffness*depth
+  *pow(depth/compliant_stopper_depth, compliant_stopper_exponent - 1.0)
+  *max(1.0 + 1.5*compliant_stopper_damping*rate, 0.0);"""
 
 
 class CompliantStopper(Term):
@@ -65,6 +72,11 @@ class CompliantStopper(Term):
         "depth": "m",
         "contact_loss": "J",
     }
+    plausible = {  # noqa: RUF012 - ClassVar above
+        "stiffness": Range(1e-2, 1e5, 1e11),
+        "damping": PER_SPEED,
+        "depth": Range(1e-13, 1e-8, 1e-3),
+    }
     replaced_rule = "stopper"
     stiff = True
 
@@ -109,3 +121,7 @@ class CompliantStopper(Term):
             energy=energy,
             dissipation=dissipation,
         )
+
+    def verilog_a(self) -> TermCode:
+        """Return its contributions to a Verilog-A module."""
+        return TermCode(functions=(function("stopper", "depth, rate", _LAW),))

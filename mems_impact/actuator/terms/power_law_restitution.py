@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.plausible_ranges import SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["PowerLawRestitution"]
@@ -44,6 +45,7 @@ class PowerLawRestitution(Term):
     exponent: NonNegative = 0.25
 
     units = {"speed": "m/s"}  # noqa: RUF012 - ClassVar above
+    plausible = {"speed": SPEED}  # noqa: RUF012 - ClassVar above
     replaced_rule = "restitution"
 
     @classmethod

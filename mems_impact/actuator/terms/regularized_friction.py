@@ -8,7 +8,9 @@ from mems_impact._util.formatting import shown
 from mems_impact._util.units import Scales
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.plausible_ranges import SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
+from mems_impact.actuator.verilog_a_code import TermCode, function
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 
@@ -17,6 +19,8 @@ __all__ = ["RegularizedFriction"]
 WIDTH_TOLERANCES = (
     1e3  # absolute tolerances in a width: loads of a thousandth of friction still have a sign
 )
+
+_LAW = "friction = mu_d*tanh(speed/regularized_friction_width);"
 
 
 class RegularizedFriction(Term):
@@ -55,6 +59,7 @@ class RegularizedFriction(Term):
     width: Positive
 
     units = {"width": "m/s"}  # noqa: RUF012 - ClassVar above
+    plausible = {"width": SPEED}  # noqa: RUF012 - ClassVar above
     replaced_rule = "friction"
     stiff = True
 
@@ -80,3 +85,7 @@ class RegularizedFriction(Term):
             return p[eq.MU_D] * math.tanh(speed / p[width])
 
         return TermContribution(friction=friction, sticks=False)
+
+    def verilog_a(self) -> TermCode:
+        """Return its contributions to a Verilog-A module."""
+        return TermCode(functions=(function("friction", "speed", _LAW),))

@@ -9,6 +9,7 @@ from pydantic import Field
 from mems_impact._util.formatting import shown
 from mems_impact._util.units import Scales
 from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.plausible_ranges import CAPACITANCE, Range
 from mems_impact.actuator.terms.base import (
     Electrode,
     Function,
@@ -18,6 +19,7 @@ from mems_impact.actuator.terms.base import (
     Term,
     field_energy,
 )
+from mems_impact.actuator.verilog_a_code import TermCode, function
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 
@@ -26,6 +28,13 @@ __all__ = ["SeriesResistance"]
 # With a current limit, a time constant of 2 sqrt(rtol) of the motion gives the accuracy of rtol.
 RESOLVED_TIME = 5.0
 RESOLVED_CHARGE = 10.0  # charge of a current limit in a time constant, in absolute tolerances
+
+_SOURCE_CURRENT = {
+    False: "source_current = drop/series_resistance_resistance;",
+    True: """\
+source_current = min(max(drop/series_resistance_resistance,
+  -series_resistance_current_limit), series_resistance_current_limit);""",
+}
 
 
 class SeriesResistance(Term):
@@ -84,6 +93,11 @@ class SeriesResistance(Term):
     units = {  # noqa: RUF012 - ClassVar above
         "resistance": "ohm", "parasitic_capacitance": "F", "current_limit": "A", "charge": "C",
     }  # fmt: skip
+    plausible = {  # noqa: RUF012 - ClassVar above
+        "resistance": Range(1e-3, 1e6, 1e16),
+        "parasitic_capacitance": CAPACITANCE,
+        "current_limit": Range(1e-15, 1e-6, 10.0),
+    }
     replaced_rule = "source"
     layer = 1
     signed = True
@@ -173,6 +187,13 @@ class SeriesResistance(Term):
             return (v - node(v, x, y, p)) * current(v, x, 0.0, y, p)
 
         return dissipation
+
+    def verilog_a(self) -> TermCode:
+        """Return its contributions to a Verilog-A module."""
+        body = _SOURCE_CURRENT[self.current_limit is not None]
+        return TermCode(  # its states are in `verilog_a.electrode_states`
+            functions=(function("source_current", "drop", body),)
+        )
 
 
 def current_of(indices: ParameterIndices, electrode: Electrode) -> Function:

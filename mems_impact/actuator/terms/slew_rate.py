@@ -5,6 +5,7 @@ from __future__ import annotations
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.slewed import SlewedDrive
 from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import Term
 
 __all__ = ["SlewRate"]
@@ -45,6 +46,7 @@ class SlewRate(Term):
     rate: Positive
 
     units = {"rate": "V/s"}  # noqa: RUF012 - ClassVar above
+    plausible = {"rate": Range(1e-6, 1e5, 1e12)}  # noqa: RUF012 - ClassVar above
     in_series = True
 
     def source(self, drive: Drive) -> Drive:

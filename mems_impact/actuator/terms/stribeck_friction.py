@@ -6,6 +6,7 @@ import math
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.plausible_ranges import PER_SPEED, SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["StribeckFriction"]
@@ -46,6 +47,7 @@ class StribeckFriction(Term):
     viscous: NonNegative = 0.0
 
     units = {"speed": "m/s", "viscous": "s/m"}  # noqa: RUF012 - ClassVar above
+    plausible = {"speed": SPEED, "viscous": PER_SPEED}  # noqa: RUF012 - ClassVar above
     replaced_rule = "friction"
 
     @classmethod

@@ -8,6 +8,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from mems_impact.actuator.parameter_base import Fraction, NonNegative
+from mems_impact.actuator.plausible_ranges import SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 from mems_impact.errors import InvalidParameter
 
@@ -51,6 +52,7 @@ class TabulatedRestitution(Term):
     values: Annotated[tuple[Fraction, ...], Field(min_length=2, description=TABLE)]
 
     units = {"speeds": "m/s"}  # noqa: RUF012 - ClassVar above
+    plausible = {"speeds": SPEED}  # noqa: RUF012 - ClassVar above
     replaced_rule = "restitution"
 
     @model_validator(mode="after")

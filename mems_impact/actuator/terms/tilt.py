@@ -10,7 +10,9 @@ from pydantic import Field
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.equations import X1, X2
 from mems_impact.actuator.parameter_base import Number
+from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
+from mems_impact.actuator.verilog_a_code import TermCode
 
 __all__ = ["Tilt"]
 
@@ -47,6 +49,8 @@ class Tilt(Term):
 
     angle: Annotated[Number, Field(gt=-MAX_ANGLE, lt=MAX_ANGLE)]
 
+    plausible = {"angle": Range(0.0, 0.05, 0.8)}  # noqa: RUF012 - ClassVar above
+
     @classmethod
     def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the forces and the factor of the normal force."""
@@ -67,4 +71,12 @@ class Tilt(Term):
 
         return TermContribution(
             on_frame=on_frame, on_block=on_block, normal_force_factor=normal, energy=energy
+        )
+
+    def verilog_a(self) -> TermCode:
+        """Return its contributions to a Verilog-A module."""
+        return TermCode(
+            on_frame="- m1*g*sin(tilt_angle)",
+            on_block="- m2*g*sin(tilt_angle)",
+            normal_force_factor="cos(tilt_angle)",
         )
