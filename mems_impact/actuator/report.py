@@ -246,7 +246,7 @@ class ReportMaker:
 
     def waveform(self) -> Content:
         """Return the drive and its voltage over time."""
-        from mems_impact.actuator.plots import plot_drive
+        from mems_impact.actuator.plots.drive import plot_drive
 
         system = self.system
         blocks: list[Block] = []
@@ -274,7 +274,7 @@ class ReportMaker:
 
     def motion(self) -> Content:
         """Return the statistics and the figure of the motion."""
-        from mems_impact.actuator.plots import plot_run
+        from mems_impact.actuator.plots.motion import plot_run
 
         run, text = self.run, self.text
         statistics = run.statistics
@@ -341,7 +341,7 @@ class ReportMaker:
 
     def chart(self) -> Content:
         """Return on- and off-voltages over the frequency."""
-        from mems_impact.actuator.plots import plot_chart
+        from mems_impact.actuator.plots.chart import plot_chart
 
         # A frame that sticks in a slow pull-in may slip at resonance.
         crises, columns = self.counts["crises"], self.counts["slips"]
@@ -437,7 +437,7 @@ class ReportMaker:
 
     def energy(self) -> Content:
         """Return the energy balance."""
-        from mems_impact.actuator.plots import NEGLIGIBLE_SHARE, plot_energy
+        from mems_impact.actuator.plots.energy import NEGLIGIBLE_SHARE, plot_energy
 
         balance = energy(self.run)
         per_cycle = balance.input / balance.periods

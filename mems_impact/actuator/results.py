@@ -302,8 +302,8 @@ class ActuatorRun(_OfActuator, Run):
     """A run of an actuator under a drive."""
 
     _stored: ClassVar[tuple[str, ...]] = (*Run._stored, "blows")
-    figure = "mems_impact.actuator.plots:plot_run"
-    scene = "mems_impact.actuator.plots:device_scene"
+    figure = "mems_impact.actuator.plots.motion:plot_run"
+    scene = "mems_impact.actuator.plots.animation:device_scene"
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
@@ -372,7 +372,7 @@ class ActuatorRun(_OfActuator, Run):
 class ActuatorOrbit(_OfActuator, Orbit):
     """A periodic orbit of an actuator under a drive."""
 
-    figure = "mems_impact.actuator.plots:plot_orbit"
+    figure = "mems_impact.actuator.plots.motion:plot_orbit"
 
     @property
     def step(self) -> float:

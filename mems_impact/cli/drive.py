@@ -36,7 +36,7 @@ def command(
 
     The figure shows voltage and force at x2 = 0 over one forcing period.
     """  # noqa: D301 - click looks for the backspace itself
-    from mems_impact.actuator.plots import forcing_period_of, plot_drive
+    from mems_impact.actuator.plots.drive import forcing_period_of, plot_drive
 
     actuator = actuator_from(device, changes)
     drive = drive_from()

@@ -22,7 +22,7 @@ from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.equations import V1, V2
 from mems_impact.actuator.impact_statistics import is_impact
-from mems_impact.actuator.plots import plot_chart
+from mems_impact.actuator.plots.chart import plot_chart
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.state_space import kicked_state
 from mems_impact.analysis.branch import Branch, continue_solution, switch_branch
