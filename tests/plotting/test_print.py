@@ -159,6 +159,17 @@ def walk():
     return mi.find_orbit(mi.load_actuator("zhao2004"), DRIVE, transient=300)
 
 
+@cache
+def fitted():
+    ball = mi.System(
+        states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -p.g), parameters={"g": 9.8}
+    )
+    times = np.linspace(0.05, 0.6, 12)
+    noise = 0.01 * np.cos(7.0 * np.arange(12))
+    seen = pd.DataFrame({"t": times, "x": 3.0 * times - 4.9 * times**2 + noise})
+    return mi.fit(ball, seen, free=["g", "x0.v"], options=mi.Options(engine="interpreted"))
+
+
 GRID = Grid(Axis("x", (0.0, 1.0, 2.0)), Axis("v", (0.0, 1.0)))
 QUICK = {
     "plot_branch": lambda _: mi.plot_branch(crowded(), narrow_to(sweep_table())),
@@ -178,6 +189,8 @@ LONG = {
     "plot_drive": lambda _: two_sided(),
     "plot_drive of a source with a slew rate": lambda _: two_sided(mi.SlewRate(rate=2e5)),
     "plot_energy": lambda _: mi.plot_energy(energy()),
+    "plot_fit": lambda _: mi.plot_fit(fitted()),
+    "plot_fit of errors": lambda _: mi.plot_fit(fitted(), kind="ellipses"),
     "plot_force_curve": lambda _: mi.plot_force_curve(load()),
     "plot_map of a column": lambda _: mi.plot_map(map_table(), "speed"),
     "plot_orbit": lambda get: mi.plot_orbit(get("orbit")),
