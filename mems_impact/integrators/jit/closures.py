@@ -41,8 +41,6 @@ from mems_impact.integrators.jit.numba_support import INNER, JIT, as_reals
 
 __all__ = ["try_compile"]
 
-INLINED_BYTES = 3000  # of bytecode: generated functions that grow larger are called
-
 # --- Snapshots
 
 # numba has its own implementations for these, and their constants do not change.
@@ -457,15 +455,8 @@ class Copier:
             # The functions of `library` call those of numba.
             stays = is_of_library and not isinstance(value, FunctionType)
             space[name] = value if stays else self._value(value, names, is_of_library)
-        # Inlined into each caller, and these into theirs, generated functions grow exponentially.
-        size = len(code.co_code) if code.co_filename.startswith("<") else 0
-        called = (space.get(name) for name in _names_of_globals(code))
-        size += sum(getattr(each, "inlined_bytes", 0) for each in called)
-        is_large = size > INLINED_BYTES
-        vars(copy)["inlined_bytes"] = 0 if is_large else size
-        options = {**self._options, "forceinline": False} if is_large else self._options
 
-        @overload(copy, jit_options=options, strict=False)
+        @overload(copy, jit_options=self._options, strict=False)
         def implementation(*kinds: Any, **_: Any) -> Any:
             if is_of_library and type(next(iter(kinds), None)) in MIXED:
                 return lambda values, *rest: copy(as_reals(values), *rest)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import logging
 import sys
 from collections.abc import Callable, Iterable
@@ -29,6 +30,9 @@ from mems_impact.integrators.jit import machine_code
 # Undocumented names of numba that `UnlinkedLibrary` uses.
 USED = ("_raise_if_finalized", "_ensure_finalized", "_get_module_for_linking")
 
+INLINED = 8000  # instructions, before optimization: functions that grow larger are called
+_inlined: dict[str, int] = {}  # sizes of the others by their symbols
+
 
 class UnlinkedLibrary(JITCodeLibrary):
     """The code of a function that only other compiled code calls.
@@ -36,6 +40,23 @@ class UnlinkedLibrary(JITCodeLibrary):
     By default numba optimizes and translates every function by itself, and again within each
     caller. Here only the outermost function is translated, which halves the time of the first run.
     """
+
+    def add_ir_module(self, module: ir.Module) -> None:
+        """Add a module; of its functions the large ones are called.
+
+        Inlined into each caller, and these into theirs, they would grow exponentially.
+        """
+        for function in module.functions:
+            if "alwaysinline" in function.attributes:
+                size = 0
+                for each in itertools.chain(*(block.instructions for block in function.blocks)):
+                    called = each.callee.name if isinstance(each, ir.CallInstr) else ""
+                    size += 1 + _inlined.get(called, 0)
+                if size > INLINED:
+                    function.attributes.discard("alwaysinline")
+                else:
+                    _inlined[function.name] = size
+        super().add_ir_module(module)
 
     def finalize(self) -> None:
         """Link the called functions, without optimization and translation."""

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -55,6 +57,9 @@ __all__ = ["assemble"]
 
 # --- Source code of the flow and of the selection of modes
 
+WORD = re.compile(r"[A-Za-z_]\w*")
+ASSIGNMENT = re.compile(r"\w+ = ")
+OF_PARAMETERS = re.compile(r"given_\d+\(p\)")
 MOTION_RATIO = "0.999999999"  # relative difference of motions that differ
 
 
@@ -181,6 +186,14 @@ class FlowWriter:
         results = [*(f"d{j}" for j in range(n)), *forces]
         return function("field(mode, t, y, p)", [*lines, f"return ({', '.join(results)},)"])
 
+    def rests(self) -> list[str]:
+        """Return the lines of the variables `CodeNames.rests`."""
+        return [
+            f"{names.rests(mode)} = {condition}"
+            for names, part, _ in self.contacts
+            for mode, condition in part.rest_conditions(names).items()
+        ]
+
     def unlimited(self, names: CodeNames) -> list[str]:
         """Return the lines that compute the derivatives in mode 0 of a part that limits them."""
         if not names.part.rates(names):
@@ -195,7 +208,7 @@ class FlowWriter:
             for j in range(len(self.states))
         )
         lines = [*self.digits(), *self.holding.speeds(), f"return State({', '.join(new)})"]
-        return function("alike(mode, fired, t, y, p)", lines)
+        return concise("alike(mode, fired, t, y, p)", lines)
 
     def projection(self) -> tuple[tuple[int, ...], list[str]]:
         """Return the modes with constraints, and the source of the projection onto them.
@@ -210,6 +223,11 @@ class FlowWriter:
         ]
         if not constraints:
             return (), []
+        # Those of one part that differ in mode and value only are one equation.
+        rows: dict[Any, dict[int, str]] = {}
+        for number, each in constraints:
+            key = (number, tuple(each.slopes.items()))
+            rows.setdefault(key, {})[each.mode] = each.value
         modes = tuple(
             mode
             for mode in range(self.count)
@@ -220,17 +238,18 @@ class FlowWriter:
         )
         moved = [f"y[{j}]" for j in range(len(self.states))]
         lines = self.digits()
-        for i, (number, constraint) in enumerate(constraints):
-            lines.append(f"holds{i} = m{number} == {constraint.mode}")
-            lines.append(f"r{i} = -{constraint.value} if holds{i} else 0.0")
-            lines += [f"a{i}_{s} = {slope}" for s, slope in constraint.slopes.items()]
-            for j, (_, other) in enumerate(constraints[: i + 1]):
-                shared = [f"a{j}_{s} * a{i}_{s}" for s in constraint.slopes if s in other.slopes]
-                gain = " + ".join(shared) or "0.0"
-                lines.append(f"g{j}_{i} = {gain} if holds{i} and holds{j} else 0.0")
-            for s in constraint.slopes:
+        for i, ((number, slopes), values) in enumerate(rows.items()):
+            lines.append(f"holds{i} = {' or '.join(f'm{number} == {mode}' for mode in values)}")
+            cases = (f"-{value} if m{number} == {mode} else " for mode, value in values.items())
+            lines.append(f"r{i} = {''.join(cases)}0.0")
+            lines += [f"a{i}_{s} = {slope}" for s, slope in slopes]
+            for j, (_, others) in enumerate([*rows][: i + 1]):
+                shared = [f"a{j}_{s} * a{i}_{s}" for s, _ in slopes if s in dict(others)]
+                gain = f"{' + '.join(shared)} if holds{i} and holds{j} else " if shared else ""
+                lines.append(f"g{j}_{i} = {gain}0.0")
+            for s, _ in slopes:
                 moved[s] += f" + a{i}_{s} * f{i}"
-        lines += [*elimination(len(constraints)), f"return State({', '.join(moved)})"]
+        lines += [*elimination(len(rows)), f"return State({', '.join(moved)})"]
         steps = 1 if all(constraint.linear for _, constraint in constraints) else PROJECTION_STEPS
         iteration = [f"for _ in range({steps}):", "    y = nearer(mode, t, y, p)", "return mode, y"]
         return modes, [
@@ -241,20 +260,20 @@ class FlowWriter:
     def slopes(self) -> list[str]:
         """Return the sources of the flow in every mode, and of the room of modes that slide."""
         lines = [*self.digits(), *self.sliding.slopes(), "return field(mode, t, y, p)"]
-        slopes = function("slopes(mode, t, y, p)", lines)
+        slopes = concise("slopes(mode, t, y, p)", lines)
         intersection, rooms = self.sliding.sources()
         return [*intersection, slopes, *rooms]
 
     def mode_conditions(self) -> str:
         """Return the source of the test whether a mode fits a state."""
-        lines = [*self.digits(), *self.digits("before", "last")]
+        lines = [*self.digits(), *self.digits("before", "last"), *self.rests()]
         for names, part in zip(self.names, self.parts, strict=True):
             for mode, condition in enumerate(part.state_conditions(names)):
                 if condition != "True":
                     test = f"{names.mode} == {mode} and not ({condition})"
                     lines += [f"if given != {names.number} and {test}:", "    return False"]
         lines += self.holding.blocked()
-        lines += ["x = slopes(mode, t, y, p)", *self.sliding.conditions()]
+        lines += ["x = slopes(mode, t, y, p)", *self.holding.limits(), *self.sliding.conditions()]
         for names, part in zip(self.names, self.parts, strict=True):
             tests: list[str] = []
             tests += self.unlimited(names)
@@ -267,9 +286,7 @@ class FlowWriter:
             if isinstance(part, SwitchingSurface):
                 given += f" and given != {ALL_SURFACES}"
             lines += [f"if {given}:", *indented(tests)]
-        return function(
-            "fits(mode, before, fired, given, jumped, t, y, p)", [*lines, "return True"]
-        )
+        return concise("fits(mode, before, fired, given, jumped, t, y, p)", [*lines, "return True"])
 
     def together(self) -> list[str]:
         """Return the lines that find the friction contacts of an event, and their number.
@@ -278,10 +295,11 @@ class FlowWriter:
         of their events is located.
         """
         lines = [f"slips{names.number} = fired == {names.number}" for names, _ in self.frictions]
-        lines.append("together = 0")
         if len(self.frictions) < 2:
             return lines
-        limits = [*self.digits(), "x = slopes(mode, t, y, p)", "reached = 0.0"]
+        lines.append("together = 0")
+        limits = [*self.digits(), "x = slopes(mode, t, y, p)", *self.holding.limits()]
+        limits.append("reached = 0.0")
         for names, part in self.frictions:
             limits += [*self.holding.room(names), f"room{names.number} = {part.room(names)}"]
             limits += [f"if {names.fired}:", f"    reached = room{names.number}"]
@@ -317,9 +335,10 @@ class FlowWriter:
         conditions += [f"(turn > 0 or m{i} == last{i})" for i in rubs]
         # Of several contacts that reach their limits together one may stay, relieved by the slip of
         # another.
-        for i in rubs:
+        several = len(rubs) > 1
+        for i in rubs if several else ():
             conditions[i] = f"({conditions[i]} or (turn == 1 and together > 1 and m{i} == last{i}))"
-        if rubs:
+        if several:
             slipped = " or ".join(f"(slips{i} and m{i} != last{i})" for i in rubs)
             conditions.append(f"(turn != 1 or together <= 1 or {slipped})")
         slips = " or ".join(f"fired == {i}" for i in rubs) or "False"
@@ -332,15 +351,15 @@ class FlowWriter:
             f"moved = {' + '.join(moved)}",
             f"if moved <= most and {' and '.join(conditions)}:",
             "    if fits(candidate, mode, fired, given, jumped, t, y, p):",
-            "        if moved == 0 and together <= 1:",
-            "            return verdict(candidate, mode, fired, own, jumped, t, y, p)",
+            f"        if moved == 0{' and together <= 1' if several else ''}:",
+            f"            return {self.sliding.judged('candidate')}",
             "        x = slopes(candidate, t, y, p)",
             "        motion = 0.0",
             *indented(indented([line for lines in motion for line in lines])),
             f"        if moved < most or best < 0 or motion < {MOTION_RATIO} * least:",
             "            best, most, least = candidate, moved, motion",
         ]
-        lines = [*self.digits("mode", "last")]
+        lines = [*self.digits("mode", "last"), *self.rests()]
         lines += [
             f"stays{names.number} = {part.preferred_mode(names)}"
             for names, part in zip(self.names, self.parts, strict=True)
@@ -358,7 +377,7 @@ class FlowWriter:
             f"        for candidate in range({self.count}):",
             *indented(indented(indented(search))),
             "        if best >= 0:",
-            "            return verdict(best, mode, fired, own, jumped, t, y, p)",
+            f"            return {self.sliding.judged('best')}",
         ]
         # No mode fits exactly because of rounding.
         if len(self.sliding.surfaces) > 1:
@@ -368,12 +387,12 @@ class FlowWriter:
                 f"if fired == {i} and own >= 0:",
                 f"    return mode + (own - last{i}) * {stride}",
             ]
-        return function("settled(mode, fired, own, jumped, t, y, p)", [*lines, "return mode"])
+        return concise("settled(mode, fired, own, jumped, t, y, p)", [*lines, "return mode"])
 
     def guard(self, i: int, names: CodeNames, spec: GuardSpec) -> str:
         """Return the source of margin and transitions of a guard, by its number."""
-        lines = [*self.head(names, spec.margin), f"return {spec.margin}"]
-        text = [function(f"margin_{i}(mode, t, y, p)", lines)]
+        lines = [*self.head(names), f"return {spec.margin}"]
+        text = [concise(f"margin_{i}(mode, t, y, p)", lines)]
         for name, changes in (("transition", spec.changes), ("rest", spec.rest)):
             if changes is None:
                 continue
@@ -381,12 +400,12 @@ class FlowWriter:
             new = (changes.get(j, f"y[{j}]") for j in range(len(self.states)))
             lines = [
                 f"y = alike(mode, {names.number if spec.rests else -1}, t, y, p)",
-                *self.head(names, spec.leads),
+                *self.head(names),
                 f"new = State({', '.join(new)})",
                 f"own = {spec.leads}",
                 f"return settled(mode, {names.number}, own, {jumped}, t, new, p), new",
             ]
-            text.append(function(f"{name}_{i}(mode, t, y, p)", lines))
+            text.append(concise(f"{name}_{i}(mode, t, y, p)", lines))
         return "\n\n".join(text)
 
     def users(self, i: int, guard: Guard) -> str:
@@ -408,18 +427,33 @@ class FlowWriter:
             text.append(function(f"users_{role}_{i}(mode, t, y, p)", lines))
         return "\n\n".join(text)
 
-    def head(self, names: CodeNames, expression: str) -> list[str]:
-        """Return the lines that define the variables of an expression of a guard."""
-        lines = [*self.digits()]
-        forces = (names.back, names.front, names.needed)
-        room = names.contact is not None and any(force in expression for force in forces)
-        if names.unlimited in expression:
-            lines += self.unlimited(names)
-        if "x[" in expression or room:
-            lines.append("x = slopes(mode, t, y, p)")
-        if room:
-            lines += self.holding.room(names)
+    def head(self, names: CodeNames) -> list[str]:
+        """Return the lines that define the variables of the expressions of a guard."""
+        lines = [*self.digits(), *self.unlimited(names), "x = slopes(mode, t, y, p)"]
+        if names.contact is not None:
+            lines += [*self.holding.limits(), *self.holding.room(names)]
         return lines
+
+
+def concise(signature: str, lines: Sequence[str]) -> str:
+    """Return the text of a function without variables that no later line reads.
+
+    Functions of the parameters alone that it calls several times are called once.
+    """
+    kept: list[str] = []
+    read: set[str] = set()
+    for line in reversed(lines):
+        if line.partition(" = ")[0] in read or not ASSIGNMENT.match(line):
+            kept.insert(0, line)
+            read.update(WORD.findall(line))
+    text = "\n".join(kept)
+    calls = Counter(OF_PARAMETERS.findall(text))
+    shared = {call: f"value_{call[6:-3]}" for call, count in calls.items() if count > 1}
+    for call, name in shared.items():
+        text = text.replace(call, name)
+    return function(
+        signature, [*(f"{name} = {call}" for call, name in shared.items()), *text.splitlines()]
+    )
 
 
 # --- Assembly

@@ -227,6 +227,15 @@ class CodeNames:
         return f"needed{self.number}"
 
     @property
+    def limit(self) -> str:
+        """The static limit of a friction contact."""
+        return f"limit{self.number}"
+
+    def rests(self, mode: int) -> str:
+        """Return the variable of whether a contact could hold in a mode."""
+        return f"rests{self.number}_{mode}"
+
+    @property
     def size(self) -> str:
         """Sum of the magnitudes of the forces on all bodies connected with a contact."""
         return f"size{self.number}"
@@ -453,8 +462,12 @@ class Contact(Part):
         """Return its two sides."""
 
     @abstractmethod
-    def holding_condition(self, names: CodeNames) -> str:
-        """Return whether it could hold: it is closed and the relative speed is zero."""
+    def rest_conditions(self, names: CodeNames) -> dict[int, str]:
+        """Return whether it could hold, by mode: it is closed and the relative speed is zero."""
+
+    def could_hold(self, names: CodeNames) -> str:
+        """Return whether it could hold in some mode, of the variables `CodeNames.rests`."""
+        return f"({' or '.join(map(names.rests, self.holding_modes))})"
 
     @abstractmethod
     def motion_signs(self, names: CodeNames) -> Mapping[int, str]:
@@ -467,6 +480,10 @@ class Contact(Part):
         return [
             Constraint(mode=mode, value=sides.slip, slopes=slopes) for mode in self.holding_modes
         ]
+
+    def variables(self, names: CodeNames) -> dict[str, str]:
+        """Return expressions of the variables in its `force_limits` and conditions."""
+        return {}
 
     @abstractmethod
     def force_limits(self, names: CodeNames) -> dict[int, tuple[str, str]]:

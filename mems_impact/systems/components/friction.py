@@ -166,20 +166,24 @@ class Friction(Contact):
 
     def force_limits(self, names: CodeNames) -> dict[int, tuple[str, str]]:
         """Return the static limit, for both directions."""
-        return {STUCK: (self.limit(names), self.limit(names))}
+        return {STUCK: (names.limit, names.limit)}
+
+    def variables(self, names: CodeNames) -> dict[str, str]:
+        """Return the static limit."""
+        return {names.limit: self.limit(names)}
 
     def motion_signs(self, names: CodeNames) -> Mapping[int, str]:
         """Return the sign of the relative speed."""
         return {FORWARD: "1", BACKWARD: "-1"}
 
-    def holding_condition(self, names: CodeNames) -> str:
+    def rest_conditions(self, names: CodeNames) -> dict[int, str]:
         """Return whether the relative speed is zero."""
         near = self.sides(names).zero_slip
-        return f"({near} or (jumped == 0 and {names.last} == {STUCK}))"
+        return {STUCK: f"{near} or (jumped == 0 and {names.last} == {STUCK})"}
 
     def rounding(self, names: CodeNames) -> str:
         """Return the tolerance within which the holding force is at its limit."""
-        return f"({NEAR_LIMIT} * ({self.limit(names)}) + {ZERO_FORCE_RATIO} * {names.size})"
+        return f"({NEAR_LIMIT} * {names.limit} + {ZERO_FORCE_RATIO} * {names.size})"
 
     def room(self, names: CodeNames) -> str:
         """Return the distance of the holding force from its limit."""
@@ -187,7 +191,7 @@ class Friction(Contact):
 
     def state_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions on the relative speed."""
-        holding = self.holding_condition(names)
+        holding = names.rests(STUCK)
         # If no event has changed the state, it keeps its direction of sliding despite rounding.
         slides = f"{names.last} == {{}} if jumped == 0 else {self.sides(names).slip} {{}} 0.0"
         return [
@@ -198,9 +202,9 @@ class Friction(Contact):
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of sticking, sliding forward and sliding backward."""
-        sides, holding = self.sides(names), self.holding_condition(names)
+        sides, holding = self.sides(names), names.rests(STUCK)
         gain, rounding = sides.relative("x[{}]"), self.rounding(names)
-        room = f"({NEAR_LIMIT} * ({self.limit(names)}) * {sides.share} + {sides.drift})"
+        room = f"({NEAR_LIMIT} * {names.limit} * {sides.share} + {sides.drift})"
         # At its limit a contact stays only if others have taken over the load.
         threshold = f"({rounding} if {names.fired} and {names.last} == {STUCK} else -{rounding})"
         return [
@@ -211,7 +215,7 @@ class Friction(Contact):
 
     def preferred_mode(self, names: CodeNames) -> str:
         """Return the mode before, or stuck if the body comes to rest."""
-        rests = f"own < 0 and {self.holding_condition(names)}"
+        rests = f"own < 0 and {names.rests(STUCK)}"
         return f"({STUCK} if {rests} else {names.last})" if self.sticks else names.last
 
     def limits(self) -> list[Limit]:
@@ -260,7 +264,7 @@ class Friction(Contact):
                 name=f"{self.name} slips",
                 modes=(STUCK,),
                 # Clamped between two stops it bears any force.
-                margin=f"{room} if {room} < math.inf else {self.limit(names)}",
+                margin=f"{room} if {room} < math.inf else {names.limit}",
                 # The load is at the limit to rounding: the body slips in the direction of the load.
                 leads=f"{FORWARD} if {names.back} < {names.front} else {BACKWARD}",
             ),

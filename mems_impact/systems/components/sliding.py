@@ -380,7 +380,7 @@ class Sliding:
     def rivals(self) -> list[str]:
         """Return the sources of functions that ``settled`` calls."""
         if not self.surfaces:
-            return [self.verdict()]
+            return []
         slides = function("slides(mode)", [*self.digit_lines(), f"return {self.count}"])
         several = [slides, self.ambiguity(), self.spiral(), *self.lapse()] if self.k > 1 else []
         several += [*self.staying(), self.coincidence()] if self.k > 1 else []
@@ -430,6 +430,11 @@ class Sliding:
             for (names, _), stride in zip(self.surfaces, self.strides, strict=True)
         ]
 
+    def judged(self, mode: str) -> str:
+        """Return the call of `verdict`, or a mode if there are no surfaces."""
+        call = f"verdict({mode}, mode, fired, own, jumped, t, y, p)"
+        return call if self.surfaces else mode
+
     def verdict(self) -> str:
         """Return the source that returns a mode, or the reason why the motion is not unique."""
         lines = []
@@ -438,23 +443,22 @@ class Sliding:
                 "if slides(mode) > 1 and ambiguity(mode, t, y, p) > 1.0:",
                 f"    return {NO_FIT - 1} - mode * {self.modes + 1}",
             ]
-        if self.surfaces:
+        lines += [
+            f"if fired != {START} and own < 0:",
+            "    other = rival(mode, before, fired, jumped, t, y, p)",
+            "    if other >= 0:",
+            f"        return {NO_FIT - 1} - mode * {self.modes} - other",
+            *indented(self.hold()),
+            f"if own >= 0 and ({' or '.join(names.fired for names, _ in self.surfaces)}):",
+            "    pair = two_exits(before, t, y, p)",
+            "    if pair >= 0:",
+            f"        return {NO_FIT - 1} - pair",
+        ]
+        if self.k > 1:
             lines += [
-                f"if fired != {START} and own < 0:",
-                "    other = rival(mode, before, fired, jumped, t, y, p)",
-                "    if other >= 0:",
-                f"        return {NO_FIT - 1} - mode * {self.modes} - other",
-                *indented(self.hold()),
-                f"if own >= 0 and ({' or '.join(names.fired for names, _ in self.surfaces)}):",
-                "    pair = two_exits(before, t, y, p)",
-                "    if pair >= 0:",
-                f"        return {NO_FIT - 1} - pair",
+                "    if stays(before, t, y, p):",
+                f"        return {NO_FIT - 1} - before * {self.modes} - mode",
             ]
-            if self.k > 1:
-                lines += [
-                    "    if stays(before, t, y, p):",
-                    f"        return {NO_FIT - 1} - before * {self.modes} - mode",
-                ]
         return function(
             "verdict(mode, before, fired, own, jumped, t, y, p)", [*lines, "return mode"]
         )

@@ -343,7 +343,7 @@ class Holding:
             lines.append(f"way{i} = {''.join(each)}0")
             # A moving contact is not part of a ring at rest.
             lines += [
-                f"if way{i} != 0 and not {part.holding_condition(names)}:",
+                f"if way{i} != 0 and not {part.could_hold(names)}:",
                 f"    way{i} = {MOVING}",
             ]
         for ring, turn in itertools.product(rings, (1, -1)):
@@ -358,27 +358,37 @@ class Holding:
             lines += [f"if {around} and ({slides}):", "    return False"]
         return lines
 
+    def limits(self) -> list[str]:
+        """Return the lines that compute the limits of the forces, and `CodeNames.size`."""
+        lines = []
+        for group in self.groups:
+            sizes = [f"abs(x[{self.force_index[body]}])" for body in group.bodies]
+            sizes += [f"abs({self.masses[body]} * x[{body}])" for body in group.bodies]
+            size = " + ".join(sizes)
+            for i, (names, part, _) in self.contacts_of(group):
+                lines += [f"{name} = {value}" for name, value in part.variables(names).items()]
+                for k, side in enumerate(("back", "front")):
+                    limits = (
+                        f"{each[k]} if {names.mode} == {mode} else "
+                        for mode, each in part.force_limits(names).items()
+                        if each[k] != "0.0"
+                    )
+                    lines.append(f"{side}_of{i} = {''.join(limits)}0.0")
+                lines.append(f"{names.size} = {size}")
+                size = names.size
+        return lines
+
     def room(self, names: CodeNames) -> list[str]:
         """Return the lines that compute the distances of a contact's force from its limits.
 
-        `CodeNames.back` and `CodeNames.front` are the distances from the lower and upper limit,
-        with any share that other contacts can bear; `CodeNames.needed` is the part of a one-sided
-        force that others cannot bear; `CodeNames.size` is the sum of the magnitudes of the forces.
+        They follow those of `limits`. `CodeNames.back` and `CodeNames.front` are the distances
+        from the lower and upper limit, with any share that other contacts can bear;
+        `CodeNames.needed` is the part of a one-sided force that others cannot bear.
         """
         number = names.contact
         assert number is not None
         group = next(group for group in self.groups if number in group.contacts)
-        lines = []
         cuts = [cut for cut in group.cuts if number in cut.across]
-        for i in sorted({i for cut in cuts for i in cut.across}):
-            other, part, _ = self.contacts[i]
-            for k, side in enumerate(("back", "front")):
-                limits = (
-                    f"{each[k]} if {other.mode} == {mode} else "
-                    for mode, each in part.force_limits(other).items()
-                    if each[k] != "0.0"
-                )
-                lines.append(f"{side}_of{i} = {''.join(limits)}0.0")
         backs, fronts, needs = [], [], []
         _, part, _ = self.contacts[number]
         for cut in cuts:
@@ -396,15 +406,11 @@ class Holding:
                 need = f"{'-' if direction < 0 else ''}({force}){less}"
                 by_mode += f" if {names.mode} != {mode} else {need}" if by_mode else need
             needs.append(by_mode)
-        sizes = [f"abs(x[{self.force_index[body]}])" for body in group.bodies]
-        sizes += [f"abs({self.masses[body]} * x[{body}])" for body in group.bodies]
-        lines.append(f"{names.size} = {' + '.join(sizes)}")
         if part.force_signs:
-            lines.append(f"{names.needed} = {_of('max', [*needs, f'-{names.size}'])}")
-        else:
-            lines.append(f"{names.back} = {_of('min', backs)}")
-            lines.append(f"{names.front} = {_of('min', fronts)}")
-        return lines
+            if any(len(cut.across) > 1 for cut in cuts):  # others may bear any force
+                needs.append(f"-{names.size}")
+            return [f"{names.needed} = {_of('max', needs)}"]
+        return [f"{names.back} = {_of('min', backs)}", f"{names.front} = {_of('min', fronts)}"]
 
     def borne(self, cut: Cut, side: int, without: int | None = None) -> list[str]:
         """Return the limits of the contacts across a cut, backward or forward."""

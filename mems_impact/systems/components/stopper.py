@@ -227,19 +227,17 @@ class Stopper(Contact):
             found[stop.number] = f"{stop.sign}.0 * (max({law}, 0.0) - {adhesion})"
         return found
 
-    def holding(self, names: CodeNames, stop: Stop) -> str:
-        """Return whether the gap of a stop is closed and the relative speed is zero."""
-        sides, fired = self.sides(names), names.fired
-        if len(self.stops) > 1:
-            fired = f"({fired} and {self.nearest(names, stop)})"
-        touches = f"{self.gap(names, stop)} <= {TOUCHES} * ({self.geometry(names, stop)[2]})"
-        held = f"{names.last} == {stop.number}"
-        closed = f"({fired} or {held} or {touches})"
-        return f"(({sides.zero_slip} or (jumped == 0 and {held})) and {closed})"
-
-    def holding_condition(self, names: CodeNames) -> str:
-        """Return whether a gap is closed and the relative speed is zero."""
-        return f"({' or '.join(self.holding(names, stop) for stop in self.stops)})"
+    def rest_conditions(self, names: CodeNames) -> dict[int, str]:
+        """Return whether the gap of each stop is closed and the relative speed is zero."""
+        found = {}
+        for stop in self.stops:
+            fired, held = names.fired, f"{names.last} == {stop.number}"
+            if len(self.stops) > 1:
+                fired = f"({fired} and {self.nearest(names, stop)})"
+            touches = f"{self.gap(names, stop)} <= {TOUCHES} * ({self.geometry(names, stop)[2]})"
+            rests = f"{self.sides(names).zero_slip} or (jumped == 0 and {held})"
+            found[stop.number] = f"({rests}) and ({fired} or {held} or {touches})"
+        return found
 
     def touching(self, names: CodeNames, stop: Stop) -> str:
         """Return whether the body is in contact with a compliant stop."""
@@ -253,7 +251,7 @@ class Stopper(Contact):
         """Return the conditions of rest on each rigid stop."""
         if self.law is not None:
             return super().state_conditions(names)
-        return ["True", *(self.holding(names, stop) for stop in self.stops)]
+        return ["True", *(names.rests(stop.number) for stop in self.stops)]
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of free, and of contact with each stop."""
@@ -264,9 +262,8 @@ class Stopper(Contact):
         sides = self.sides(names)
         leaves, held = [], []
         for stop in self.stops:
-            holding = self.holding(names, stop)
             away = f"{stop.inwards(sides.relative('x[{}]'))} >= -{sides.drift}"
-            leaves.append(f"({away} or not {holding})")
+            leaves.append(f"({away} or not {names.rests(stop.number)})")
             held.append(f"{self.reserve(names)} >= -{ZERO_FORCE_RATIO} * {names.size}")
         return [" and ".join(leaves), *held]
 
@@ -275,7 +272,7 @@ class Stopper(Contact):
         preferred = names.last
         if self.law is None and self.adhesion != 0.0:
             for stop in self.stops:
-                rests = f"own < 0 and {self.holding(names, stop)}"
+                rests = f"own < 0 and {names.rests(stop.number)}"
                 preferred = f"({stop.number} if {rests} else {preferred})"
         return preferred
 
