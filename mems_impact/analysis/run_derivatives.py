@@ -12,7 +12,7 @@ import numpy as np
 
 from mems_impact import tables as run_tables
 from mems_impact._util.arrays import Floats
-from mems_impact.errors import InvalidParameter, TransientWarning
+from mems_impact.errors import InvalidParameter, OrbitError, TransientWarning
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.event_loop.workspace import SECTION_CROSSING
 from mems_impact.hybrid.simulation import Events, Trajectory
@@ -53,6 +53,8 @@ class RunDerivatives:
     run : Run
     names : tuple of str
         Parameters, and initial states as ``"x0.x"``.
+    moves : tuple of mapping
+        For each quantity the parameters that change with it, and how fast, in scaled units.
     columns : Columns
         Of the events, then of the end; in scaled units.
 
@@ -477,7 +479,12 @@ def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
     if not names or len(set(names)) != len(names):
         raise InvalidParameter("parameters", names, "one or more different names")
     active = tuple(name for name in names if name in family.values)
-    point = ParameterPoint.of(family, active, np.array([family.value(name) for name in active]))
+    try:
+        values = np.array([family.value(name) for name in active])
+        point = ParameterPoint.of(family, active, values)
+    except OrbitError as error:
+        allowed = "those whose neighbours have the same pieces of the forcing"
+        raise InvalidParameter("parameters", names, allowed) from error
     s, n, scales = len(names), len(automaton.states), np.ones(len(names))
     moves = [{name: 1.0} for name in names]
     quantities = Quantities(

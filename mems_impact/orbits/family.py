@@ -105,15 +105,21 @@ class Family(ABC):
         """Convert the numbers in an error of a run to the system's units."""
 
     @cached_property
-    def _switch_count(self) -> int:
-        return len(self.numbers().switches)
+    def _sizes(self) -> tuple[int, int]:
+        numbers = self.numbers()
+        return len(numbers.switches), len(numbers.parameters)
 
     def check_switches(self, numbers: ProblemParameters) -> None:
-        """Raise OrbitError unless there are as many switching times as at the present values."""
-        count, own_count = len(numbers.switches), self._switch_count
+        """Raise OrbitError unless the forcing has as many pieces as at the present values."""
+        (count, size), (own_count, own_size) = (
+            (len(numbers.switches), len(numbers.parameters)), self._sizes,
+        )  # fmt: skip
         if count != own_count:
             reason = f"the forcing has {count} switching times there instead of {own_count}"
             raise OrbitError(reason, "find an orbit beyond, and continue it")
+        if size != own_size:
+            reason = "the forcing has another number of pieces there"
+            raise OrbitError(reason, "choose a value at which neighbours have as many")
 
     def derivative(self, name: str) -> tuple[Floats, float, Floats]:
         """Return the derivatives of parameter array, period and switching times by a value.

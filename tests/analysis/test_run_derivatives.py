@@ -106,6 +106,24 @@ def test_a_forced_run_moves_with_its_period():
     assert found.of(lambda run: run.final.x2).to_numpy() == pytest.approx(found.final.loc["x2"])
 
 
+@pytest.mark.slow(all=True)
+def test_switches_of_a_drive():
+    """Abrupt switches, one of them at the end of the period; 10 impacts."""
+    actuator = mi.load_actuator("zhao2004")
+
+    def run(duty=0.4, omega=0.5):
+        drive = mi.Square(amplitude=0.24, omega=omega, duty=duty)
+        return mi.simulate(actuator, drive, periods=2.3, initial={"x2": 0.1}, options=FINE)
+
+    def last(run):
+        return np.array([run.final.x1, run.final.v1, run.final.x2, run.final.v2])
+
+    found = run().derivatives(["duty", "omega"]).final
+    for name, value in (("duty", 0.4), ("omega", 0.5)):
+        exact = sixth_order_difference(lambda h, n=name, v=value: last(run(**{n: v + h})), 1e-5)
+        np.testing.assert_allclose(found.loc[["x1", "v1", "x2", "v2"], name], exact, atol=1e-7)
+
+
 def pair(gap):
     """Two balls that strike their floors in one instant, or `gap` apart."""
     return mi.System(

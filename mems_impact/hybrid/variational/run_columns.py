@@ -149,7 +149,9 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
             for c in range(s):
                 path.before[i, j, c] = path.after[i, j, c] = y[n + s * j + c]
         if kind in (SAMPLE, ACCUMULATION, APPROACH):
-            interface.flow(engine, mode, end, y, slope)
+            # The limit from the left, before a switch of the drive.
+            left = end - 1e-15 * abs(end) if end > start else end
+            interface.flow(engine, mode, left, y, slope)
             for j in range(n):
                 path.ends[i, j] = y[j]
                 path.slopes[i, 0, j] = path.slopes[i, 1, j] = slope[j]
@@ -486,8 +488,11 @@ class RunColumns:
             times[i] = time, max(instant + (cycle - base) * period, time), shift, base
             ends[i] = state = log.after[row]
             if kind == SWITCH and switches.size:
-                nearest = int(np.argmin(np.abs(switches - instant)))
+                whole = np.round((switches - instant) / period)
+                nearest = int(np.argmin(np.abs(switches - instant - whole * period)))
+                later_periods = cycle - base - whole[nearest]
                 switch_rates[i] = self._quantities.switch_rates[:, nearest]
+                switch_rates[i] += later_periods * self._quantities.period_rates
             shift, time, mode, reached = 0, float(times[i, 1]), mode_after, (cycle, instant)
         for states in (starts, ends):
             states[:, ~self._moving] *= 0.0
