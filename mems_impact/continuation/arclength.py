@@ -18,7 +18,7 @@ from mems_impact._util.bisection import discontinuity
 from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.linear_equations import null_vector
-from mems_impact.orbits.newton import TOLERANCE, Linearized, P, Solution, Solvable, newton
+from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import (
     RESIDUAL_TOLERANCE,
     ZERO_COMPONENT,
@@ -109,7 +109,7 @@ def correct(
     direction: Floats,
     guess: Floats | None = None,
     *,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
 ) -> Solution[P]:
     """Solve in the plane through `plane` (unknowns and parameter) normal to `direction`.
 
@@ -121,7 +121,7 @@ def correct(
     guess : float array, optional
         A point near the solution; `plane` itself by default.
     tolerance : float, optional
-        As in `newton`.
+        As in `newton`; that of the equations by default.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def correct(
         reason="the correction of a step did not converge",
         remedy="take a shorter step",
         iterations=MAX_CORRECTOR_ITERATIONS,
-        tolerance=tolerance,
+        tolerance=equations.tolerance if tolerance is None else tolerance,
     )
 
 

@@ -40,7 +40,7 @@ MAX_CHANGE = 0.1  # largest relative change of second derivatives by an error of
 PARALLEL_SINE = 1e-12  # largest sine of the angle between vectors that count as parallel
 # Distances of a first point from the branch point, and shorter ones for a strongly curved branch
 FIRST_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)
-SHORT_DISTANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+SHORT_DISTANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 MIN_PARAMETER_CHANGE = 1e-7  # relative change of the parameter of a significant distance
 CONTINUUM_RTOL = 1e-13  # error of the parameter, relative to its value and to the distance
 TANGENT_SEPARATION = 0.5  # least distance from the known branch, relative to that of the tangent

@@ -39,8 +39,7 @@ from mems_impact.continuation.test_functions import (
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.orbits.monodromy import multipliers_at, reduced_components
-from mems_impact.orbits.newton import TOLERANCE
-from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
+from mems_impact.orbits.shooting import STEP_TOLERANCE, Shooting, ShootingEvaluation
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
 
@@ -477,7 +476,7 @@ def equilibrium_normal_form(kind: str, state: EquilibriumState) -> NormalForm | 
         second, third = (equations.derivatives_along(balance, *k * (u,)) for k in (1, 2))
         largest, error = float(np.abs(second).max()), ENTRY_ERROR * float(np.abs(third).max())
         # The equilibrium itself has an error.
-        moved = TOLERANCE / ENTRY_ERROR * error
+        moved = STEP_TOLERANCE / ENTRY_ERROR * error
         return DirectionalDerivatives(second, third, ENTRY_ERROR * largest + moved, error)
 
     matrix, size = balance.jacobian, max(1.0, float(np.abs(balance.unknowns).max()))

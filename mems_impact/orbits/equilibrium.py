@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,7 @@ class EquilibriumEquations:
     family: Family
     mode: int
     active: tuple[str, ...] = ()
+    tolerance: ClassVar[float] = 0.0  # steps end at rounding: they cost little
 
     @cached_property
     def automaton(self) -> Automaton:

@@ -10,9 +10,13 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.linear_equations import is_sparse, solve_linear
-from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE, Shooting, ShootingEvaluation
+from mems_impact.orbits.shooting import (
+    RESIDUAL_TOLERANCE,
+    STEP_TOLERANCE,
+    Shooting,
+    ShootingEvaluation,
+)
 
-TOLERANCE = 1e-11  # of a Newton step
 RESIDUAL_ROUNDING = 4.0 * np.finfo(float).eps  # of a residual, relative to its terms
 # Ratio of two steps below `RESIDUAL_TOLERANCE` from which they are integration errors.
 NOISE_RATIO = 0.02
@@ -65,6 +69,10 @@ P_co = TypeVar("P_co", bound=Linearized, covariant=True)
 class Solvable(Protocol[P_co]):
     """Equations for `newton`: `Shooting`, `EquilibriumEquations`."""
 
+    @property
+    def tolerance(self) -> float:
+        """Of a Newton step."""
+
     def evaluate(self, unknowns: Floats, values: Floats) -> P_co:
         """Evaluate residual and derivatives."""
 
@@ -102,7 +110,7 @@ def newton(
     reason: str,
     remedy: str,
     iterations: int = MAX_NEWTON_ITERATIONS,
-    tolerance: float = TOLERANCE,
+    tolerance: float = STEP_TOLERANCE,
 ) -> Solution[P]:
     """Correct `guess` until the equations hold.
 
@@ -110,7 +118,8 @@ def newton(
 
     The iteration converges if the next step is below `tolerance`, or if steps no longer shrink
     while no residual exceeds `RESIDUAL_TOLERANCE`: they are then at the level of the integration
-    error. Steps below `RESIDUAL_TOLERANCE` that no longer shrink quadratically are accepted too.
+    error. Steps below `RESIDUAL_TOLERANCE` that no longer shrink quadratically are accepted too,
+    unless the tolerance is zero.
     If the matrix is nearly singular, rounding alone may cause steps of any length, so the iteration
     also ends at residuals of the order of rounding.
 
@@ -136,12 +145,16 @@ def newton(
         size, worst = float(np.abs(change).max()), float(np.abs(residual).max())
         if size > SINGULAR_GAIN * worst and not is_sparse(matrix):
             # Along a family of orbits the matrix is singular, and rounding determines the step.
-            least, _, rank, _ = np.linalg.lstsq(matrix, -residual, SINGULAR_RTOL)
+            sizes = np.abs(matrix).max(axis=1)
+            sizes[sizes == 0.0] = 1.0
+            rows = matrix / sizes[:, None]
+            least, _, rank, _ = np.linalg.lstsq(rows, -residual / sizes, SINGULAR_RTOL)
             if rank == len(matrix) - 1 and np.abs(matrix @ least + residual).max() < 0.5 * worst:
                 change, size = np.asarray(least, dtype=float), float(np.abs(least).max())
         if size < RESIDUAL_TOLERANCE:
             iterations_needed = min(iterations_needed, iteration)
-        slow = size >= (NOISE_RATIO * previous if previous < RESIDUAL_TOLERANCE else previous)
+        is_noise = tolerance > 0.0 and previous < RESIDUAL_TOLERANCE
+        slow = size >= (NOISE_RATIO * previous if is_noise else previous)
         stalled = slow and worst < RESIDUAL_TOLERANCE
         if size < tolerance or stalled:
             return Solution(unknowns, point, min(iterations_needed, iteration))
@@ -183,4 +196,5 @@ def solve_at(
         point = equations.evaluate(u, values)
         return point, point.residual, point.jacobian
 
-    return newton(at, unknowns, reason=reason, remedy=remedy).point
+    tolerance = equations.tolerance
+    return newton(at, unknowns, reason=reason, remedy=remedy, tolerance=tolerance).point

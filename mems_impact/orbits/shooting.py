@@ -182,6 +182,7 @@ def normal_basis(flow: Floats) -> Floats:
 
 TOUCHING_RATE = 1e-9  # rate of a guard at its event that counts as zero
 KICK_RTOL = 1e-11  # ratio to the largest flow below which a difference of flows is zero there
+STEP_TOLERANCE = 1e-11  # of a Newton step
 RESIDUAL_TOLERANCE = 1e-8  # largest residual that is attributed to integration errors
 RESIDUAL_RESOLUTION = 1e-10  # least residual of a solution that is distinguished from zero
 RESIDUAL_ERROR_SAFETY = 10.0  # factor on estimates of the error of a residual
@@ -289,6 +290,7 @@ class Shooting:
     """
 
     is_refined = False
+    tolerance = STEP_TOLERANCE
 
     def __init__(
         self,

@@ -13,9 +13,9 @@ import mems_impact as mi
 INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 
 
-def forks(flow, stop=1.0, start=-1.0, states=("x",), longest=0.2, **values):
+def forks(flow, stop=1.0, start=-1.0, states=("x",), longest=0.2, typical=None, **values):
     """Return the branch points of the equilibrium zero."""
-    system = mi.System(states=states, flow=flow, parameters={"a": start, **values})
+    system = mi.System(states=states, flow=flow, parameters={"a": start, **values}, typical=typical)
     rest = mi.find_equilibria(system, guess={"x": values.get("k", 0.0) * start})[0]
     steps = mi.StepControl(max_step=longest)
     return mi.continue_solution(rest, "a", stop, steps=steps).special_points
@@ -108,9 +108,19 @@ def test_branches_cross_at_any_angle(flow, power, c, k, s):
     other = mi.switch_branch(crossing, steps=mi.StepControl(max_points=8))
     x, a = (other.table[name].to_numpy() for name in ("x", "a"))
     apart = x - k * a
-    assert np.allclose(a, c * apart**power, rtol=1e-7, atol=1e-9)
+    assert np.allclose(a, c * apart**power, rtol=2e-10, atol=1e-14 + 1e-16 * c * k)
     assert min(apart.max(), -apart.min()) > 1e-10
     assert [special.label for special in other.special_points] == ["BP"]
+
+
+@pytest.mark.parametrize("c", [1e-10, 1e10])
+def test_a_pitchfork_in_other_units(c):
+    """The typical size of x is that at a = 1."""
+    size = 1.0 / math.sqrt(c)
+    (crossing,) = forks(fork, c=c, k=0.0, s=1.0, typical={"x": size})
+    table = mi.switch_branch(crossing, steps=mi.StepControl(max_points=30)).table
+    assert table["a"].max() > 0.1
+    assert np.allclose(table["a"], c * table["x"] ** 2, rtol=1e-10, atol=1e-15)
 
 
 @pytest.mark.parametrize(("power", "c", "s"), [(1, 2e4, 3.0), (2, 3e5, 0.1), (2, 1e-6, 3.0)])
