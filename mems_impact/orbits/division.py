@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact.hybrid.variational.derivatives import Arc
 from mems_impact.orbits.shooting import SegmentPiece, Shooting, ShootingEvaluation
 
 MAX_GROWTH = 1e3  # of perturbations in a piece, beyond which a segment has other nodes
@@ -34,7 +33,7 @@ def growth(by_state: Floats) -> float:
 
 
 def bisected(
-    shooting: Shooting, point: ShootingEvaluation, is_short: Callable[[Arc], bool]
+    shooting: Shooting, point: ShootingEvaluation, is_short: Callable[[SegmentPiece], bool]
 ) -> Iterator[SegmentPiece]:
     """Yield the pieces of all segments, in order, bisected until they are short."""
     variational = shooting.variational(point.parameter_point)
@@ -44,7 +43,7 @@ def bisected(
         while waiting:
             each = waiting.pop()
             start, end = each.start, each.end
-            if is_short(each.arc) or end - start <= smallest:
+            if is_short(each) or end - start <= smallest:
                 yield each
                 continue
             middle = 0.5 * (start + end)
@@ -86,7 +85,11 @@ def divided(shooting: Shooting, point: ShootingEvaluation) -> OtherEquations | N
         return None
     instants: list[list[tuple[float, Floats]]] = [[] for _ in shooting.segments]
     number, total = -1, np.eye(len(free))
-    for piece in bisected(shooting, point, lambda arc: growth(arc.by_state[free]) <= NODE_GROWTH):
+
+    def is_short(piece: SegmentPiece) -> bool:
+        return growth(piece.arc.by_state[free]) <= NODE_GROWTH
+
+    for piece in bisected(shooting, point, is_short):
         own = piece.arc.by_state[free]
         total = own @ total
         if piece.segment == number and growth(total) <= NODE_GROWTH:

@@ -14,10 +14,10 @@ import numpy as np
 
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid.variational.derivatives import Arc
 from mems_impact.orbits.division import MAX_GROWTH, NODE_GROWTH, bisected, growth
 from mems_impact.orbits.periodic_schur import product_eigenvalues
 from mems_impact.orbits.shooting import (
+    SegmentPiece,
     Shooting,
     ShootingEvaluation,
     normal_basis,
@@ -72,8 +72,11 @@ def _factors_of_pieces(
     free, is_cycle = shooting.free, shooting.phase is not None
     budget = iter(range(MAX_PIECES))
 
-    def is_short(arc: Arc) -> bool:
-        return _is_resolved(arc.by_state[free], limit) or next(budget, None) is None
+    def is_short(piece: SegmentPiece) -> bool:
+        by_state = piece.arc.by_state[free]
+        # Constraints forget a component; a flow that seems to do so decays beyond all digits.
+        is_singular = piece.mode in shooting.automaton.constrained
+        return _is_resolved(by_state, limit, is_singular) or next(budget, None) is None
 
     keep = reduced_components(shooting, point)
     start = np.eye(len(keep))
@@ -101,14 +104,14 @@ def _factors_of_pieces(
     return np.array([*found, start.T @ columns[keep]])
 
 
-def _is_resolved(by_state: Floats, limit: float = MAX_GROWTH) -> bool:
+def _is_resolved(by_state: Floats, limit: float = MAX_GROWTH, is_singular: bool = True) -> bool:
     """Return whether perturbations grow and decay too little to lose their digits."""
     if not growth(by_state) <= limit:
         return False
     try:
         return growth(np.asarray(np.linalg.inv(by_state), dtype=float)) <= limit
-    except np.linalg.LinAlgError:  # a component that is forgotten
-        return True
+    except np.linalg.LinAlgError:
+        return is_singular
 
 
 def _without(flow: Floats, columns: Floats) -> Floats:
