@@ -69,13 +69,14 @@ def test_the_example_of_hiskens_and_pai():
         "x0.b": (-0.3161266569964, -0.238144981943192),
     }
     for options, bound in (
+        (INTERPRETED, 1e-9),
         (mi.Options(engine="interpreted", method="dop853"), 1e-9),
         (FINE, 1e-11),
     ):
         found = mi.simulate(system, duration=0.125, options=options).derivatives(list(exact))
         differences = (found.final - np.array(list(exact.values())).T).abs()
         assert differences.max(axis=None) < bound
-        assert (found.error < 10.0 * bound).all(axis=None)
+        assert differences.max(axis=None) < found.error.max(axis=None) < 200.0 * bound
 
 
 @pytest.mark.slow(all=True)
