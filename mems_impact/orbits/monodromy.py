@@ -13,7 +13,7 @@ from contextlib import suppress
 import numpy as np
 
 from mems_impact._util.arrays import Complexes, Floats
-from mems_impact.errors import OrbitError
+from mems_impact.errors import FunctionsMissing, OrbitError
 from mems_impact.orbits.division import MAX_GROWTH, NODE_GROWTH, bisected, growth
 from mems_impact.orbits.periodic_schur import product_eigenvalues
 from mems_impact.orbits.shooting import (
@@ -155,11 +155,14 @@ def multipliers_at(shooting: Shooting, point: ShootingEvaluation) -> Complexes:
 
 
 def resolved_multipliers(shooting: Shooting, point: ShootingEvaluation) -> Complexes:
-    """Return the multipliers, in no order, with the digits of those that others exceed by far."""
+    """Return the multipliers, in no order, with the digits of those that others exceed by far.
+
+    An orbit that was loaded without the functions of its system has those that were saved.
+    """
     factors = monodromy_factors(shooting, point)
     if len(factors) == 1 and not _is_resolved(factors[0]):
         refined = shooting.refined
-        with suppress(OrbitError, np.linalg.LinAlgError):
+        with suppress(FunctionsMissing, OrbitError, np.linalg.LinAlgError):
             exact = refined.evaluate(point.unknowns, point.values)
             factors = _factors_of_pieces(refined, exact, NODE_GROWTH)
             if np.isfinite(factors).all():
