@@ -118,6 +118,7 @@ def _data(fit: Fit, ax: Any) -> Any:
 def _events(ax: Any, rows: pd.DataFrame, numbers: Any) -> None:
     ax.plot(rows["measured"], numbers, "|", color=color("guide"), markersize=9, label="measured")
     ax.plot(rows["computed"], numbers, ".", color=color("motion"), label="fitted")
+    ax.margins(y=0.15)
 
 
 def _ellipses(fit: Fit, ax: Any) -> Any:
@@ -163,6 +164,7 @@ def _ellipse(ax: Any, fit: Fit, first: str, second: str) -> None:
     ax.fill(*curve.T, color=color("motion"), alpha=0.2, linewidth=0.0)
     ax.plot(*curve.T, color=color("motion"))
     ax.plot(*center, "+", color=color("guide"))
-    ax.locator_params(nbins=3)
+    ax.locator_params(axis="x", nbins=2)
+    ax.locator_params(axis="y", nbins=3)
     for axis, name in ((ax.xaxis, first), (ax.yaxis, second)):
         label_axis(axis, Label(symbol(name), fit.units.get(name, "")))

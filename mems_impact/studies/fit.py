@@ -249,7 +249,7 @@ def fit(
     bounds : mapping of str to tuple of float, optional
         Bounds of a free quantity, which may have units; by default the range of the parameter.
     priors : mapping of str to tuple of float, optional
-        Mean and standard error of what is known of a free quantity.
+        Mean and standard error of a free quantity from other sources.
     starts : int, optional
         Number of starts of the search; further ones are drawn within the bounds.
     seed : int, optional

@@ -285,7 +285,7 @@ def table_of(field: str, data: Any) -> Any:
         wrong = np.flatnonzero(~np.isfinite(numbers))
         if wrong.size:
             row, value = table.index[wrong[0]], numbers[wrong[0]]
-            problem = f"column {name} is {value:g} in row {row}: leave out such rows"
+            problem = f"column {name} is {value:g} in row {row}: omit such rows"
             raise InvalidParameter(field, None, "", problem=problem)
     kinds = [each for _, each in table.groupby(EVENT, sort=False)] if EVENT in table else [table]
     for rows in kinds:
@@ -409,7 +409,7 @@ class RecordComparison(Comparison):
             raise InvalidParameter(f"{field} of {column}", given[column], allowed) from None
         if not (np.isfinite(values) & (values > 0.0)).all():
             wrong = float(values[~(np.isfinite(values) & (values > 0.0))][0])
-            problem = "must be > 0; leave out rows that do not count"
+            problem = "must be > 0; omit rows that do not count"
             raise InvalidParameter(f"{field} of {column}", wrong, "> 0", problem=problem)
         factor = self._factor(table, column)
         return values * factor if field == "errors" else values / factor
@@ -627,7 +627,7 @@ class RecordComparison(Comparison):
             if missing:
                 sentences.append(
                     f"{missing} of {rows.size} recorded events {kind}{self._label} have no event "
-                    "of the system and are left out"
+                    "of the system and are omitted"
                 )
             if surplus:
                 sentences.append(

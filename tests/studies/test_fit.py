@@ -195,3 +195,66 @@ def test_arguments_that_are_refused(free, changes, message):
     with pytest.raises(mi.InvalidParameter) as caught:
         mi.fit(bouncing(), TIMES, free, options=INTERPRETED, **changes)
     assert message in str(caught.value)
+
+
+def sprung(mode, t, y, p):
+    return y.v, -p.k * y.x - p.c * y.v + p.A * math.cos(0.9 * t)
+
+
+def device():
+    return mi.System(
+        states=("x", "v"), flow=sprung, parameters={"k": 1.0, "c": 0.02, "A": 0.5, "e": 0.7},
+        period=2.0 * math.pi / 0.9,
+        parts=[mi.Stopper("wall", "x", "v", upper=1.0, restitution="e")],
+    )  # fmt: skip
+
+
+def belt():
+    return mi.System(
+        states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -p.k * y.x),
+        parameters={"k": 1.0, "belt": 0.2, "mu_s": 1.0, "mu_d": 0.6}, initial={"x": 0.1, "v": 0.2},
+        parts=[mi.Friction("belt", "v", mu="mu_d", static="mu_s", surface="belt")],
+    )  # fmt: skip
+
+
+def trials(kind, count):
+    """Return how often each quantity is inside its 95 % interval, and the number of fits."""
+    generator = np.random.default_rng(5)
+    if kind == "ball":
+        system, free, truth = (
+            bouncing(),
+            ["e", "x0.x", "delay"],
+            {"e": 0.8, "x0.x": 1.0, "delay": 0.0},
+        )
+        times = mi.simulate(system, duration=3.5).events["t"].to_numpy()[:8]
+        start = system.changed(e=0.75)
+    elif kind == "device":
+        system, free = device(), ["k", "c", "A", "e"]
+        truth, times = system.parameters, np.linspace(0.5, 60.0, 250)
+        exact = mi.simulate(system, 9).derivatives(["k"]).samples(times)["v"].to_numpy()
+        start = system.changed(k=1.05, c=0.03, A=0.48, e=0.65)
+    else:
+        system, free = belt(), ["k", "mu_s", "mu_d"]
+        truth, times = system.parameters, np.linspace(0.3, 25.0, 120)
+        exact = mi.simulate(system, duration=25.5).derivatives(["k"]).samples(times)["x"].to_numpy()
+        start = system.changed(k=1.05, mu_s=1.05, mu_d=0.57)
+    inside = dict.fromkeys(free, 0)
+    for _ in range(count):
+        noise = generator.standard_normal(times.size)
+        if kind == "ball":
+            table = pd.DataFrame({"t": times + 0.001 * noise})
+            record = mi.Record(events=table, errors={"t": 0.001})
+        else:
+            name = "v" if kind == "device" else "x"
+            record = mi.Record(samples=pd.DataFrame({"t": times, name: exact + 0.02 * noise}))
+        rows = mi.fit(start, record, free).parameters.set_index("parameter")
+        for name in free:
+            inside[name] += rows.loc[name, "95 % low"] <= truth[name] <= rows.loc[name, "95 % high"]
+    return inside
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("kind", ["ball", "device", "belt"])
+def test_truth_is_in_95_percent_of_the_intervals(kind):
+    inside = trials(kind, 200)
+    assert min(inside.values()) > 0.95 * 200 - 3.0 * math.sqrt(0.95 * 0.05 * 200)
