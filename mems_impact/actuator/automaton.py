@@ -171,6 +171,31 @@ def generated(head: str, value: str, *lines: str, **space: Any) -> Callable[...,
 
 
 @cache
+def assembled_device(
+    kinds: tuple[TermKind, ...],
+    voltage: Callable[..., float],
+    left: Callable[..., float] | None,
+    *,
+    summed: bool,
+) -> tuple[Model, tuple[str, ...], AssembledSystem]:
+    """Return the model of a device, its states, and its parts with its flow."""
+    electrodes = 1 if left is None else 2
+    model = compose(kinds, electrodes)
+    dissipation = accounts(kinds, electrodes).dissipation if summed else None
+    sums = () if dissipation is None else (*SUMMED, *dissipation)
+    states = (*model.layout.states, *map(sum_of, sums))
+    assembled = assemble(
+        parts_of(model),
+        flow=flow_of(model, voltage, left, dissipation),
+        states=states,
+        parameters=(),
+        masses={"v1": eq.frame_mass, "v1 + v2": eq.block_mass},
+        guards=(),
+        time_scale=1.0,
+    )
+    return model, states, assembled
+
+
 def device_definition(
     kinds: tuple[TermKind, ...],
     voltage: Callable[..., float],
@@ -197,20 +222,7 @@ def device_definition(
         A function of the user whose zero ends a run, the units of the states of the actuator, of
         time and of its parameters, and the names of these parameters.
     """
-    electrodes = 1 if left is None else 2
-    model = compose(kinds, electrodes)
-    dissipation = accounts(kinds, electrodes).dissipation if summed else None
-    sums = () if dissipation is None else (*SUMMED, *dissipation)
-    states = (*model.layout.states, *map(sum_of, sums))
-    assembled = assemble(
-        parts_of(model),
-        flow=flow_of(model, voltage, left, dissipation),
-        states=states,
-        parameters=(),
-        masses={"v1": eq.frame_mass, "v1 + v2": eq.block_mass},
-        guards=(),
-        time_scale=1.0,
-    )
+    model, states, assembled = assembled_device(kinds, voltage, left, summed=summed)
     added = range(len(model.layout.states), len(states))
     definition = Definition(
         states=states,

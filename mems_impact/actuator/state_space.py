@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS
-from mems_impact.actuator.automaton import direction_of, side_of
+from mems_impact.actuator.automaton import assembled_device, direction_of, side_of
 from mems_impact.actuator.equations import STATES, V1
 from mems_impact.actuator.numerics import ActuatorNumerics
 from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import Samples
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.state_space import StateSpace
@@ -38,6 +39,16 @@ class ActuatorStateSpace(StateSpace):
     ) -> Mapping[str, Floats]:
         """Return the voltages at the electrodes, if they differ from the voltages of the drive."""
         return self._system.node_voltages(cycle, time, y) if self._system.shows_node else {}
+
+    def contact_forces(self, samples: Samples, problem: Problem) -> dict[str, Floats]:
+        """Return the friction force on the frame, and the force of the stoppers on the block."""
+        system, source = self._system, self._system.source
+        assembled = assembled_device(
+            system._kinds, source.voltage, source.left_voltage, summed=system.includes_energy
+        )[-1]
+        rows = zip(samples.mode.tolist(), samples.time.tolist(), samples.y, strict=True)
+        found = assembled.forces.columns(rows, problem.parameters)
+        return {name: self._units.scales.out(force, "N") for name, force in found.items()}
 
     def initial(self, direction: str) -> State:
         """Return rest in the middle for a sweep up, and a kick for one down."""

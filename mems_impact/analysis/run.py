@@ -206,7 +206,12 @@ class Run(Result):
         return run_tables.section(log.crossings(direction), self.trajectory.period, self.system)
 
     def samples(
-        self, per_period: int = 200, first: float | None = None, last: float | None = None
+        self,
+        per_period: int = 200,
+        first: float | None = None,
+        last: float | None = None,
+        *,
+        forces: bool = False,
     ) -> pd.DataFrame:
         """Return the state at equal intervals.
 
@@ -218,11 +223,15 @@ class Run(Result):
         first, last : float, optional
             First and last forcing period of the samples; the whole run by default. Times for an
             autonomous system.
+        forces : bool, optional
+            Whether columns "force of NAME" show the force of each `Friction` and `Stopper` among
+            the parts on its velocity: friction, normal force at rest, force of a compliant stop;
+            nan if several contacts hold a body and their shares are indeterminate.
 
         Returns
         -------
         DataFrame
-            Time, state and mode.
+            Time, state and mode, and forces.
         """
         self._log("samples")
         is_integer = isinstance(per_period, int | np.integer) and not isinstance(per_period, bool)
@@ -239,7 +248,11 @@ class Run(Result):
             None if first is None else first / unit,
             None if last is None else last / unit,
         )
-        return run_tables.samples(grid, self.trajectory.period, self.system)
+        table = run_tables.samples(grid, self.trajectory.period, self.system)
+        if forces:
+            problem = self.system.problem(self.options)
+            table = table.assign(**self.system.state_space.contact_forces(grid, problem))
+        return table
 
     def verify(self) -> Verification:
         """Repeat the run by an independent, more precise method and compare event by event.

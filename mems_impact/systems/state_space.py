@@ -17,9 +17,10 @@ from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.diagnostics.user_functions import innermost_user_line
 from mems_impact.hybrid.event_loop.workspace import whole_periods
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.simulation import MAX_CYCLE
+from mems_impact.hybrid.simulation import MAX_CYCLE, Samples
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.components.contact_forces import ContactForces
 from mems_impact.systems.state import State, is_number, state_from
 
 __all__ = ["FunctionStateSpace", "StateSpace"]
@@ -72,6 +73,16 @@ class StateSpace:
         y : float array, shape (k, n)
         """
         return {}
+
+    def contact_forces(self, samples: Samples, problem: Problem) -> dict[str, Floats]:
+        """Return the force of each contact at samples, by the heading of its column.
+
+        Raises
+        ------
+        InvalidParameter
+            If the system has no contacts among its parts.
+        """
+        raise InvalidParameter("forces", True, "False: no part is a Friction or a Stopper")
 
     def parse(self, components: State | Mapping[str, Any], field: str = "initial") -> State:
         """Return the state with components of these names, which may be texts with units.
@@ -223,6 +234,7 @@ class FunctionStateSpace(StateSpace):
     system : System
     begin : callable or None
         ``begin(mode, t, y, p)`` returns the mode of a state of a system with parts.
+    forces : ContactForces or None
     state, parameters : callable
         ``state(y)`` and ``parameters(problem)`` return a scaled state and the parameters of a
         problem as functions receive them.
@@ -232,11 +244,23 @@ class FunctionStateSpace(StateSpace):
         self,
         system: HybridSystem,
         begin: Callable[..., int] | None,
+        forces: ContactForces | None,
         state: Callable[[Floats], Any],
         parameters: Callable[[Problem], Any],
     ) -> None:
         super().__init__(system)
-        self._begin, self._state, self._parameters = begin, state, parameters
+        self._begin, self._forces = begin, forces
+        self._state, self._parameters = state, parameters
+
+    def contact_forces(self, samples: Samples, problem: Problem) -> dict[str, Floats]:
+        """Return the force of each contact at samples, by the heading of its column."""
+        forces = self._forces
+        if forces is None or not forces.contacts:
+            return super().contact_forces(samples, problem)
+        p, times = self._parameters(problem), samples.cycle * problem.period + samples.time
+        at = zip(samples.mode.tolist(), self._units.out("time", times).tolist(), strict=True)
+        states = map(self._state, samples.y)
+        return forces.columns(((*each, y) for each, y in zip(at, states, strict=True)), p)
 
     def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
         """Return the mode of a state whose mode is not given; `y` may be corrected in place.

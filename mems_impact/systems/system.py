@@ -37,6 +37,7 @@ from mems_impact.systems.checks import FunctionChecks, Passed
 from mems_impact.systems.components import assembly
 from mems_impact.systems.components.assembly import assemble
 from mems_impact.systems.components.base import Part, Quantity
+from mems_impact.systems.components.contact_forces import ContactForces
 from mems_impact.systems.components.sliding import SlidingMotions
 from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import Mode, State
@@ -155,6 +156,7 @@ class System(HybridSystem):
     _section: Section | None
     _begin: Callable[..., int] | None = None
     _sliding: SlidingMotions | None = None
+    _forces: ContactForces | None = None
     _parts: tuple[Part, ...] = ()
     _masses: Mapping[str, Quantity] = MappingProxyType({})
     _typical: Typical | None = None
@@ -208,9 +210,9 @@ class System(HybridSystem):
             signs, start = {part.name: part.signs for part in parts}, arguments.initial(initial)
             check_parted(flow, names, self._parameters, signs, start.as_dict())
             flow, switch_transition, guards, modes, self._begin, constrained, projection = (
-                assembled[:-1]
+                assembled[:-2]
             )
-            self._sliding = assembled.sliding
+            self._sliding, self._forces = assembled.sliding, assembled.forces
             self._parts, self._masses = tuple(parts), dict(masses or {})
         called = arguments.mode_names(modes, guards)
         self.definition = Definition(
@@ -287,7 +289,7 @@ class System(HybridSystem):
     @property
     def state_space(self) -> FunctionStateSpace:
         """Its states: names, modes, conversion from and to scaled states."""
-        return FunctionStateSpace(self, self._begin, self._state, self._to_user)
+        return FunctionStateSpace(self, self._begin, self._forces, self._state, self._to_user)
 
     @property
     def checks(self) -> FunctionChecks:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import mems_impact as mi
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import (
     BACKWARD,
@@ -253,3 +254,19 @@ def test_a_load_that_is_zero_to_rounding_for_a_while(engine):
         options = {"rtol": 4.8e-10, "atol": 4.8e-12, "engine": engine}
         run_ = simulate(actuator, drive, [0.0, 0.0, x2, 0.0], 1.0, **options)
         assert run_.final.cycle == 1
+
+
+def test_samples_show_the_forces_of_friction_and_stoppers():
+    actuator = mi.load_actuator("zhao2004")
+    held = mi.Sine(amplitude=0.0, omega=0.5, bias=0.6)
+    options = mi.Options(engine="interpreted", method="dop853")
+    walk = mi.simulate(actuator, mi.Sine(amplitude=0.24, omega=0.5), periods=2, options=options)
+    free = walk.samples(50, forces=True).query("mode == 'stuck-free'")
+    volts = walk.drive.value(free["time"].to_numpy())
+    pull = actuator.alpha * volts**2 / (actuator.d - free["x2"]) ** 2
+    load = actuator.k * free["x2"] + actuator.c * free["v2"] - pull
+    assert free["force of frame"].to_numpy() == pytest.approx(-load.to_numpy(), abs=1e-12)
+    rest = mi.simulate(actuator, held, periods=20, options=options).samples(2, 19, forces=True)
+    spring = actuator.k * actuator.delta
+    pull = actuator.alpha * 0.6**2 / (actuator.d - actuator.delta) ** 2
+    assert rest["force of block"].to_numpy() == pytest.approx(spring - pull, rel=1e-12)

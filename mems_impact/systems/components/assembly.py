@@ -43,6 +43,7 @@ from mems_impact.systems.components.base import (
     Part,
     Quantity,
 )
+from mems_impact.systems.components.contact_forces import ContactForces, ForcedContact
 from mems_impact.systems.components.friction import Friction
 from mems_impact.systems.components.sliding import (
     ALL_SURFACES,
@@ -124,6 +125,7 @@ class FlowWriter:
             for names, part in zip(self.names, parts, strict=True)
             if isinstance(part, Contact)
         ]
+        self.touching = contacts
         self.forces = [each for each in contacts if each[1].forces(each[0])]
         self.contacts = [each for each in contacts if each[1].holding_modes]
         self.holding = Holding(self.contacts, len(states), bases)
@@ -193,6 +195,33 @@ class FlowWriter:
             for names, part, _ in self.contacts
             for mode, condition in part.rest_conditions(names).items()
         ]
+
+    def acting(self) -> str:
+        """Return the source of the forces of the contacts that do not hold."""
+        forces = [f"force{i}" for i in range(len(self.touching))]
+        lines = [*self.digits(), *(f"{force} = 0.0" for force in forces)]
+        for force, (names, part, _) in zip(forces, self.touching, strict=True):
+            for mode, value in part.forces(names).items():
+                lines += [f"if {names.mode} == {mode}:", f"    {force} = {value}"]
+        return function("acting(mode, t, y, p)", [*lines, f"return [{', '.join(forces)}]"])
+
+    def contact_forces(self) -> ContactForces:
+        """Return the forces of the contacts, once the sources are compiled."""
+        found = [
+            ForcedContact(
+                part.name,
+                sides,
+                frozenset(
+                    mode
+                    for mode in range(self.count)
+                    if mode // self.strides[names.number] % self.counts[names.number]
+                    in part.holding_modes
+                ),
+            )
+            for names, part, sides in self.touching
+        ]
+        space = self.space
+        return ContactForces(found, space["acting"], space["slopes"], self.holding.force_index)
 
     def unlimited(self, names: CodeNames) -> list[str]:
         """Return the lines that compute the derivatives in mode 0 of a part that limits them."""
@@ -476,6 +505,7 @@ class AssembledSystem(NamedTuple):
         ``projection(mode, t, y, p)`` projects a state onto the constraints of its mode.
     sliding : SlidingMotions or None
         The motions of a state on surfaces.
+    forces : ContactForces
     """
 
     flow: Callable[..., Any]
@@ -486,6 +516,7 @@ class AssembledSystem(NamedTuple):
     constrained: tuple[int, ...]
     projection: Callable[..., Any] | None
     sliding: SlidingMotions | None
+    forces: ContactForces
 
 
 def check(
@@ -606,7 +637,7 @@ def assemble(
     sources += [text.users(i, guard) for i, guard in enumerate(guards)]
     space = text.space
     space["SOURCE"] = "\n\n".join(sources)  # which export translates
-    exec(compile(space["SOURCE"], GENERATED, "exec"), space)
+    exec(compile(f"{space['SOURCE']}\n\n{text.acting()}", GENERATED, "exec"), space)
     # Descriptions of a system show the user's functions, not the generated ones.
     space["flow"].__module__, space["flow"].__qualname__ = flow.__module__, flow.__qualname__
     assembled = []
@@ -644,4 +675,5 @@ def assemble(
         constrained,
         space.get("projection"),
         text.sliding.motions(states, modes) if text.sliding.surfaces else None,
+        text.contact_forces(),
     )

@@ -252,3 +252,45 @@ def test_velocities_may_be_relative(e):
     assert events[0]["t"].tolist() == pytest.approx(events[1]["t"].tolist(), abs=1e-7)
     assert runs[0].final.z == pytest.approx(runs[1].final.z, abs=1e-7)
     assert runs[0].final.v == pytest.approx(runs[1].final.r + runs[1].final.w, abs=1e-7)
+
+
+def test_forces_of_contacts_are_those_of_statics():
+    """A pressed block of mass 2 on a plate of mass 3 under a stop, on rough ground."""
+
+    def pressed(mode, t, y, p):
+        return y.v, (p.push - y.x) / 2.0, y.w, 1.0 / 3.0
+
+    system = mi.System(
+        states=("x", "v", "z", "w"),
+        flow=pressed,
+        parameters={"push": 5.0},
+        masses={"v": 2.0, "w": 3.0},
+        initial={"x": 1.0, "v": 0.0, "z": 0.0, "w": 0.0},
+        parts=[
+            mi.Stopper("stop", "x", "v", upper=1.0, restitution=0.5),
+            mi.Friction("ground", "w", mu=0.1, normal=6.0, static=0.5),
+        ],
+    )
+    samples = mi.simulate(system, duration=1.0, options=PLAIN).samples(10, forces=True)
+    assert samples["force of stop"].to_numpy() == pytest.approx(-4.0)  # 5 - 1 pushes outwards
+    assert samples["force of ground"].to_numpy() == pytest.approx(-1.0)
+    slipping = mi.simulate(system, duration=1.0, initial={"w": 1.0}, options=PLAIN)
+    assert slipping.samples(10, forces=True)["force of ground"].iloc[0] == pytest.approx(-0.6)
+
+
+def test_a_chain_of_held_bodies_bears_the_sum_of_forces():
+    def pushed(mode, t, y, p):
+        return y.v, 2.0 / 1.0, y.w, 3.0 / 4.0
+
+    system = mi.System(
+        states=("x", "v", "z", "w"),
+        flow=pushed,
+        masses={"v": 1.0, "w": 4.0},
+        parts=[
+            mi.Friction("between", "v", surface="w", mu=0.5, normal=10.0),
+            mi.Friction("ground", "w", mu=0.5, normal=20.0),
+        ],
+    )
+    samples = mi.simulate(system, duration=0.1, options=PLAIN).samples(10, forces=True)
+    assert samples["force of between"].to_numpy() == pytest.approx(-2.0)
+    assert samples["force of ground"].to_numpy() == pytest.approx(-5.0)
