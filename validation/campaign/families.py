@@ -19,6 +19,7 @@ from validation.campaign import (
     derivatives,
     expressions,
     pool,
+    run_derivatives,
     scales,
     settling,
     surfaces,
@@ -49,6 +50,7 @@ FAMILIES = {
     "scales": Family(scales.check, 1000, 10),
     "contacts": Family(contacts.check, 5000, 8),
     "terms": Family(terms.check, 5000, 9),
+    "run_derivatives": Family(run_derivatives.check, 5000, 2),
     "settling": Family(settling.check, 2400, 16),
     "surfaces": Family(surfaces.check, 2100, 6),
 }
