@@ -185,10 +185,11 @@ def low_velocity_contact(
 ) -> Floats:
     """Return the state nearest to `y` on the guard, with its margin decreasing at `speed`."""
     codes, times = np.array([[mode, guard]]), np.full((1, 3), time)
-    arcs, events = variational.traverse(codes, y[None], times)
-    margin, rate = events.margins[0, guard], events.rates[0, guard]
+    contact = variational.traverse(codes, y[None], times)
+    event = contact.event(0)
+    margin, rate = event.margins[guard], event.rates[guard]
     # A mode with constraints projects the state.
-    by_state = events.margin_by_state[0, [guard, variational.m + guard]] @ arcs.by_state[0]
+    by_state = event.margin_by_state[[guard, variational.m + guard]] @ contact.arc(0).by_state
     target = np.array([-margin, -speed - rate])
     weak = y.copy()
     weak[list(variational.free)] += np.linalg.lstsq(by_state, target)[0]

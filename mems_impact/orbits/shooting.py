@@ -28,10 +28,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.on_demand import OnDemand
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.variational.derivatives import Arc, Event, Variational, free_components
+from mems_impact.hybrid.variational.derivatives import (
+    Arc,
+    Event,
+    Variational,
+    free_components,
+)
 from mems_impact.hybrid.variational.saltation import NO_EVENT
 from mems_impact.integrators.options import MIN_RTOL
 from mems_impact.orbits.family import Family, ParameterPoint
@@ -60,7 +66,7 @@ class UnknownLayout:
         ends = [NO_EVENT if s.code == BOUNDARY else s.code for s in segments]
         self.codes = np.array([(segments[i].mode, NO_EVENT) for i in self.segment], dtype=np.int64)
         self.codes[self.last, 1] = ends
-        self.guards = np.array([segments[i].code % shooting.m for i in events], dtype=np.int64)
+        guards = [segments[i].code % shooting.m for i in events]
         self.events = np.array(events, dtype=np.int64)
         # Segments that start at the end of the previous one, not with a period.
         self.follows = np.array(
@@ -78,13 +84,11 @@ class UnknownLayout:
         self.ended = self.last[self.events]  # pieces
         first = np.cumsum([i in self.ended for i in range(count)]) + f * np.arange(count)
         self.state_rows = first[:, None] + np.arange(f)
-        self.guard_rows = first[self.ended] - 1
-        columns = f * np.arange(count)[:, None] + np.arange(f)
-        self.identity = np.zeros((size, self.ends.shape[1] - 1))
-        self.identity[self.state_rows, np.roll(columns, -1, axis=0)] = 1.0
-        self.own_states = np.zeros((count, f, self.ends.shape[1] - 1))
-        self.own_states[np.arange(count)[:, None], np.arange(f), columns] = 1.0
-        self.next = np.roll(np.arange(count), -1)
+        # For `evaluate_shooting`
+        self.rows = np.full((1 + count, 3 + f), -1)
+        self.rows[0, 3:], self.rows[1:, 0] = shooting.free, np.roll(np.arange(count), -1)
+        self.rows[1 + self.ended, 1], self.rows[1 + self.ended, 2] = guards, first[self.ended] - 1
+        self.rows[1:, 3:] = self.state_rows
         # A slice, which copies nothing, if all components are free
         self.free = shooting.free if f < shooting.n else slice(None)
 
@@ -116,9 +120,11 @@ class UnknownLayout:
 
     def piece_times(self, starts: Floats, ends: Floats) -> Floats:
         """Return the times of pieces for `Variational.traverse`."""
-        margin_times, at_switch = ends.copy(), self.last[self.at_switch]
-        margin_times[at_switch] = np.nextafter(ends[at_switch], 0.0)  # just before a switch
-        return np.stack([starts, ends, margin_times], axis=1)
+        times = np.array([starts, ends, ends])
+        if self.at_switch.size:
+            at_switch = self.last[self.at_switch]
+            times[2, at_switch] = np.nextafter(ends[at_switch], 0.0)  # just before a switch
+        return times.T
 
 
 # --- Phase condition of limit cycles
@@ -222,15 +228,20 @@ class ShootingEvaluation(Linearization):
     parameter_point: ParameterPoint
     residual: Floats
     derivatives: Floats
-    arcs: tuple[Arc, ...]
-    events: tuple[Event | None, ...]
     starts: Floats
     ends: Floats
     end_derivatives: Floats
-    pieces: tuple[Arc, ...] = ()
+    # Most evaluations are steps to a solution, whose arcs and events are not read.
+    arcs: OnDemand[tuple[Arc, ...]] = OnDemand()  # noqa: RUF009 - a descriptor
+    events: OnDemand[tuple[Event | None, ...]] = OnDemand()  # noqa: RUF009 - a descriptor
+    pieces: OnDemand[tuple[Arc, ...]] = OnDemand()  # noqa: RUF009 - a descriptor
     _matrices: dict[object, Floats] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
+
+    def __getstate__(self) -> dict[str, Any]:
+        read = {name: getattr(self, name) for name in ("arcs", "events", "pieces")}
+        return {**vars(self), **read}
 
     def matrix(self, key: object, compute: Callable[[], Floats]) -> Floats:
         """Return a matrix of this evaluation, such as the monodromy matrix, computed once."""
@@ -478,38 +489,15 @@ class Shooting:
         states, times = self.unpack_pieces(unknowns)
         segment_starts, segment_ends = layout.instants(at, times)
         starts, ends = layout.divided(segment_starts, segment_ends)
-        arcs, events = self.variational(at).traverse(
-            layout.codes, states, layout.piece_times(starts[:, 0], ends[:, 0])
+        shape = layout.size, starts.shape[1] - 1
+        residual, derivatives = np.zeros(shape[0]), np.zeros(shape)
+        end = np.empty((len(states), self.n, shape[1]))
+        traversal = self.variational(at).traverse(
+            layout.codes,
+            states,
+            layout.piece_times(starts[:, 0], ends[:, 0]),
+            (layout.rows, states, starts, ends, at.scales, residual, derivatives, end),
         )
-        size, end_rates = layout.size, ends[:, None, 1:]
-
-        def add(values: Floats, rates: Floats, by_end: Floats, by_parameter: Floats) -> Floats:
-            values += by_end[..., None] * rates
-            values[..., size:] += by_parameter[..., : len(self.active)] * at.scales
-            return values
-
-        # A later start shortens the arc.
-        initial = layout.own_states - arcs.slope_start[:, free, None] * starts[:, None, 1:]
-        end = add(arcs.by_state @ initial, end_rates, arcs.slope_end, arcs.by_parameter)
-        after = add(
-            events.jump_by_state @ end, end_rates, events.jump_by_time, events.jump_by_parameter
-        )
-        # The next state is the state after the event.
-        residual, derivatives = np.empty(size), layout.identity.copy()
-        rows = layout.state_rows
-        residual[rows] = (states[layout.next] - events.after)[:, free]
-        derivatives[rows] -= after[:, free]
-        # The margin of the guard is zero at its event.
-        ended, guards = layout.ended, layout.guards
-        by_state, by_time, by_parameter = (
-            each[ended, guards][:, None]
-            for each in (
-                events.margin_by_state, events.margin_by_time, events.margin_by_parameter
-            )
-        )  # fmt: skip
-        margins = add(by_state @ end[ended], end_rates[ended], by_time, by_parameter)
-        residual[layout.guard_rows] = events.margins[ended, guards]
-        derivatives[layout.guard_rows] = margins[:, 0]
         # A pinned sum keeps its value; it replaces an equation that holds anyway.
         for c, factors in self.pinned.items():
             row = layout.state_rows[-1, c]
@@ -520,31 +508,38 @@ class Shooting:
         if self.phase is not None:
             start, normal = states[0, free], np.array(self.phase.normal)
             residual[-1], derivatives[-1, : normal.size] = normal @ start - self.phase.level, normal
-        pieces = tuple(map(Arc._make, zip(*arcs, strict=True)))
-        transitions = tuple(map(Event._make, zip(*events, strict=True)))
-        last = layout.last
-        point = ShootingEvaluation(
+        last, spans, free = layout.last, pairwise(layout.first.tolist()), self.free
+        cyclic, by_end = list(self.automaton.cyclic), end[last]
+        is_divided = any(self.nodes)
+        if is_divided:  # the gains of cyclic components, which the equations do not contain, add up
+            inner = (layout.begin > 0.0)[:, None, None]
+            slopes = traversal.rows["slopes"][:, 0, cyclic, None]
+            gains = end[:, cyclic] - inner * slopes * starts[:, None, 1:]
+            by_end[:, cyclic] = np.add.reduceat(gains, layout.first[:-1])
+
+        def pieces() -> tuple[Arc, ...]:
+            return tuple(map(traversal.arc, range(len(states))))
+
+        def joined() -> tuple[Arc, ...]:
+            arcs = pieces()
+            return tuple(_joined(arcs[a:b], free, cyclic) for a, b in spans)
+
+        def events() -> tuple[Event | None, ...]:
+            ends = zip(last.tolist(), layout.codes[last, 1].tolist(), strict=True)
+            return tuple(None if code == NO_EVENT else traversal.event(i) for i, code in ends)
+
+        return ShootingEvaluation(
             unknowns=unknowns,
             parameter_point=at,
             residual=residual,
             derivatives=derivatives,
-            arcs=pieces,
-            events=tuple(
-                transitions[i] if layout.codes[i, 1] != NO_EVENT else None for i in last.tolist()
-            ),
             starts=segment_starts[:, 0],
             ends=segment_ends[:, 0],
-            end_derivatives=end[last],
+            end_derivatives=by_end,
+            arcs=joined if is_divided else pieces,
+            events=events,
+            pieces=pieces if is_divided else (),
         )
-        if not any(self.nodes):
-            return point
-        # The gains of cyclic components, which the equations do not contain, add up.
-        cyclic, inner = list(self.automaton.cyclic), (layout.begin > 0.0)[:, None, None]
-        gains = end[:, cyclic] - inner * arcs.slope_start[:, cyclic, None] * starts[:, None, 1:]
-        point.end_derivatives[:, cyclic] = np.add.reduceat(gains, layout.first[:-1])
-        spans = pairwise(layout.first.tolist())
-        segments = tuple(_joined(pieces[a:b], self.free, cyclic) for a, b in spans)
-        return replace(point, arcs=segments, pieces=pieces)
 
     def problem(self, point: ShootingEvaluation) -> Problem:
         """Return the problem at a point; of a limit cycle, with its period as the unit of time."""

@@ -68,7 +68,10 @@ def _may_be_eigenvalues(z: Complexes, matrix: Floats, errors: Floats) -> NDArray
     """
     try:
         resolvents = np.abs(np.linalg.inv(z[:, None, None] * np.eye(len(matrix)) - matrix))
-        radii = np.abs(np.linalg.eigvals(resolvents @ errors)).max(axis=1, initial=0.0)
+        # At most, and exactly if all errors are equal.
+        radii = resolvents.sum(axis=(1, 2)) * errors.max(initial=0.0)
+        if not (radii < 1.0).all() and np.ptp(errors) > 0.0:
+            radii = np.abs(np.linalg.eigvals(resolvents @ errors)).max(axis=1, initial=0.0)
     except np.linalg.LinAlgError:  # of one of them
         if len(z) == 1:
             return np.ones(1, dtype=bool)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from mems_impact.hybrid.variational.flow import (
 )
 from mems_impact.hybrid.variational.saltation import (
     NO_EVENT,
+    evaluate_shooting,
     propagate_segments,
     segment_fields,
     variational_workspace,
@@ -28,7 +28,7 @@ from mems_impact.hybrid.variational.saltation import (
 
 
 class Arc(NamedTuple):
-    """An arc of fixed length and its sensitivities; or N arcs along a first axis.
+    """An arc of fixed length and its sensitivities.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Arc(NamedTuple):
 
 
 class Event(NamedTuple):
-    """A transition and its derivatives; or N transitions along a first axis.
+    """A transition and its derivatives.
 
     Attributes
     ----------
@@ -84,7 +84,58 @@ class Event(NamedTuple):
     jump_by_state: Floats
     jump_by_time: Floats
     jump_by_parameter: Floats
-    mode: Any
+    mode: int
+
+
+class Traversal(NamedTuple):
+    """The arcs and events of N segments, for n states of which some are free, and m guards.
+
+    Attributes
+    ----------
+    rows : record array, shape (N,)
+        See `mems_impact.hybrid.variational.saltation.segment_fields`.
+    n, m, free : int
+    """
+
+    rows: Any
+    n: int
+    m: int
+    free: int
+
+    def arc(self, i: int) -> Arc:
+        """Return the arc of segment `i`."""
+        row, n, m = self.rows[i], self.n, self.m
+        y, slopes, margins, minima = row["states"], row["slopes"], row["margins"], row["minima"]
+        columns = y[n:].reshape(n, -1)
+        return Arc(
+            end=y[:n],
+            by_state=columns[:, : self.free],
+            by_parameter=columns[:, self.free :],
+            slope_start=slopes[0],
+            slope_end=slopes[1],
+            minima=minima[0],
+            minima_time=minima[1],
+            touches=row["touches"],
+            margins=margins[:, :m],
+            rates=margins[:, m:],
+        )
+
+    def event(self, i: int) -> Event:
+        """Return the event at the end of segment `i`."""
+        row, n, m = self.rows[i], self.n, self.m
+        margin, jump = row["margin"], row["jump"]
+        return Event(
+            after=row["after"],
+            margins=margin[:m, 0],
+            rates=margin[m:, 0],
+            margin_by_state=margin[:, 1 : n + 1],
+            margin_by_time=margin[:, n + 1],
+            margin_by_parameter=margin[:, n + 2 :],
+            jump_by_state=jump[:, 1 : n + 1],
+            jump_by_time=jump[:, n + 1],
+            jump_by_parameter=jump[:, n + 2 :],
+            mode=int(row["head"][5]),
+        )
 
 
 class Variational:
@@ -134,7 +185,8 @@ class Variational:
 
         The problem's period and time scale still bound the steps.
         """
-        other = copy.copy(self)
+        other = object.__new__(Variational)
+        vars(other).update(vars(self))
         other._block = extended_parameters(p, directions, self.n, len(self.free) + self.k)
         return other
 
@@ -143,7 +195,8 @@ class Variational:
         segments: NDArray[np.int64],
         states: Floats,
         times: Floats,
-    ) -> tuple[Arc, Event]:
+        equations: tuple[Any, ...] = (),
+    ) -> Traversal:
         """Compute N segments from given states, without event detection.
 
         Parameters
@@ -153,24 +206,26 @@ class Variational:
         states : float array, shape (N, n)
         times : float array, shape (N, 3)
             Start; end; time at which the margins at the end are evaluated.
+        equations : tuple, optional
+            Further arguments of `saltation.evaluate_shooting`, which are evaluated too.
 
         Returns
         -------
-        arcs, events
-            N of each; NO_EVENT leaves the state unchanged.
+        Traversal
+            N arcs and events; NO_EVENT leaves the state unchanged.
 
         Raises
         ------
         OrbitError
             If the engine fails or exceeds the budget of steps.
         """
-        n, m, f = self.n, self.m, len(self.free)
         values = self._before.repeat(len(segments), axis=0)
         rows = values.view(self._fields)[:, 0]
-        head, y = rows["head"], rows["states"]
-        head[:, :2], head[:, 2:5], y[:, :n] = segments, times, states
+        head = rows["head"]
+        head[:, :2], head[:, 2:5], rows["states"][:, : self.n] = segments, times, states
+        function = evaluate_shooting if equations else propagate_segments
         try:
-            failure = self._binding.call(propagate_segments, self._block, self._workspace, values)
+            failure = self._binding.call(function, self._block, self._workspace, values, *equations)
         except FunctionError as error:
             raise OrbitError(error.reason, error.remedy) from error
         if failure >= 0:
@@ -179,43 +234,15 @@ class Variational:
                 remedy="start nearer to an orbit, loosen the tolerances, or give typical "
                 "magnitudes of states far from one: System(typical=)",
             )
-        columns, slopes, margins = y[:, n:].reshape(len(y), n, -1), rows["slopes"], rows["margins"]
-        minima, margin, jump = rows["minima"], rows["margin"], rows["jump"]
-        arcs = Arc(
-            end=y[:, :n],
-            by_state=columns[:, :, :f],
-            by_parameter=columns[:, :, f:],
-            slope_start=slopes[:, 0],
-            slope_end=slopes[:, 1],
-            minima=minima[:, 0],
-            minima_time=minima[:, 1],
-            touches=rows["touches"],
-            margins=margins[:, :, :m],
-            rates=margins[:, :, m:],
-        )
-        events = Event(
-            after=rows["after"],
-            margins=margin[:, :m, 0],
-            rates=margin[:, m:, 0],
-            margin_by_state=margin[:, :, 1 : n + 1],
-            margin_by_time=margin[:, :, n + 1],
-            margin_by_parameter=margin[:, :, n + 2 :],
-            jump_by_state=jump[:, :, 1 : n + 1],
-            jump_by_time=jump[:, :, n + 1],
-            jump_by_parameter=jump[:, :, n + 2 :],
-            mode=head[:, 5].astype(int).tolist(),
-        )
-        return arcs, events
+        return Traversal(rows, self.n, self.m, len(self.free))
 
     def arc(self, mode: int, y: Floats, start: float, end: float) -> Arc:
         """Integrate `mode` from (start, y) to `end`, with all columns; see `propagate_segments`."""
-        arcs, _ = self._one(mode, NO_EVENT, y, (start, end, end))
-        return Arc(*(part[0] for part in arcs))
+        return self._one(mode, NO_EVENT, y, (start, end, end)).arc(0)
 
     def event(self, mode: int, code: int, t: float, y: Floats) -> Event:
         """Perform the transition `code` at (t, y), with derivatives; see `propagate_segments`."""
-        _, events = self._one(mode, code, y, (t, t, t))
-        return Event(*(part[0] for part in events))
+        return self._one(mode, code, y, (t, t, t)).event(0)
 
     def margins(self, mode: int, t: float, y: Floats) -> tuple[Floats, Floats]:
         """Return margins and rates in `mode` at (t, y)."""
@@ -228,7 +255,7 @@ class Variational:
         code: int,
         y: Floats,
         times: tuple[float, float, float],
-    ) -> tuple[Arc, Event]:
+    ) -> Traversal:
         segments = np.array([[mode, code]], dtype=np.int64)
         return self.traverse(segments, np.asarray(y)[None], np.array([times]))
 

@@ -209,6 +209,71 @@ def propagate_segments(engine: Any, block: Any, workspace: Any, rows: Any) -> in
     return -1
 
 
+def evaluate_shooting(
+    engine: Any, block: Any, workspace: Any, rows: Any, layout: Any, states: Any, starts: Any,
+    ends: Any, scales: Any, residual: Any, derivatives: Any, end_derivatives: Any,
+) -> int:  # fmt: skip
+    """Compute segments and the shooting equations; see `mems_impact.orbits.shooting`.
+
+    The first four arguments and the result are those of `propagate_segments`.
+
+    Parameters
+    ----------
+    layout : int array, shape (1 + N, 3 + free)
+        The free components, from the fourth number on. Then for each segment the next one, the
+        guard and its row of the equations (or -1), the rows of the components of the next state.
+    states : float array, shape (N, n)
+    starts, ends : float array, shape (N, 1 + unknowns + k)
+        Times with their derivatives.
+    scales : float array, shape (k,)
+        Of the directions.
+    residual, derivatives : float array, shapes (unknowns,), (unknowns, unknowns + k)
+        Output: the equations with their derivatives, but for a phase condition.
+    end_derivatives : float array, shape (N, n, unknowns + k)
+        Output: the derivatives of the states at the ends, before the events.
+    """
+    failure = propagate_segments(engine, block, workspace, rows)
+    n, f, k, count = workspace.n, layout.shape[1] - 3, scales.size, derivatives.shape[1]
+    margin, jump, slopes, y = workspace.margin, workspace.jump, workspace.slopes, workspace.states
+    columns, change = y.size // n - 1, workspace.work[0]
+    for i in range(rows.shape[0] if failure < 0 else 0):
+        copy(rows[i], workspace.row)
+        following, guard, guard_row, end = layout[1 + i, 0], layout[1 + i, 1], layout[1 + i, 2], 0.0
+        if guard_row >= 0:
+            residual[guard_row] = margin[guard, 0]
+        for b in range(f):
+            component = layout[0, 3 + b]
+            residual[layout[1 + i, 3 + b]] = (
+                states[following, component] - workspace.after[component]
+            )
+        for c in range(count):
+            direction = c - count + k
+            for b in range(f):  # a later start shortens the arc
+                change[b] = -slopes[0, layout[0, 3 + b]] * starts[i, 1 + c]
+            if f * i <= c < f * (i + 1):
+                change[c - f * i] += 1.0
+            for j in range(n):
+                end = slopes[1, j] * ends[i, 1 + c]
+                for b in range(f):
+                    end += y[n + columns * j + b] * change[b]
+                if direction >= 0:
+                    end += y[n + columns * j + f + direction] * scales[direction]
+                end_derivatives[i, j, c] = end
+            for b in range(-1 if guard_row >= 0 else 0, f):
+                values = margin[guard] if b < 0 else jump[layout[0, 3 + b]]
+                total = values[n + 1] * ends[i, 1 + c]
+                for j in range(n):
+                    total += values[1 + j] * end_derivatives[i, j, c]
+                if direction >= 0:
+                    total += values[n + 2 + direction] * scales[direction]
+                if b < 0:
+                    derivatives[guard_row, c] = total
+                else:
+                    own = 1.0 if c == f * following + b else 0.0
+                    derivatives[layout[1 + i, 3 + b], c] = own - total
+    return failure
+
+
 def copy(source: Any, target: Any) -> None:
     """Copy the values of an array to another one."""
     for i in range(source.size):
