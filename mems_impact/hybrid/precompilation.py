@@ -72,7 +72,12 @@ def compile_studies() -> None:
     problem = decay("auto")
     AttractorMapper(problem, longest=1, tolerance=1e-6).follow([(problem.numbers, START)], 1.0, 1.0)
     times, segments = np.array([[0.0, 1.0, 1.0]]), np.array([[0, NO_EVENT]])
-    Variational(problem, np.ones((1, 1))).traverse(segments, np.ones((1, 1)), times)
+    variational, y = Variational(problem, np.ones((1, 1))), np.ones((1, 1))
+    rows, instants = np.array([[0, 0, 0, 0], [0, -1, -1, 0]]), np.zeros((1, 3))
+    derivatives = np.zeros((1, 2)), np.zeros((1, 1, 2))
+    equations = rows, y, instants, instants, np.ones(1), np.zeros(1), *derivatives
+    variational.traverse(segments, y, times)
+    variational.traverse(segments, y, times, equations)
     one = Quantities(np.zeros((1, 1)), np.ones((1, 1)), np.zeros(1), np.zeros((1, 0)))
     RunColumns(run(problem, START, 1.0), one).at(np.ones(1))
     exponents = LyapunovIntegrator(problem, START)
