@@ -172,7 +172,7 @@ def check(seed: int, number: int, _unit: Unit = ONE) -> Verdict:
 
 def _compare(case: Case, base: Motion, kinds: list[str], rates: Floats) -> tuple[int, float, str]:
     """Return the events that agree, their share of all, and what is wrong."""
-    total = len(base.names) + 1
+    total, longest = len(base.names) + 1, None
     for weights, step in ((w, h) for h in STEPS for w in (CENTRAL, ONE_SIDED)):
         if weights is CENTRAL and "tie" in kinds:
             continue
@@ -181,11 +181,14 @@ def _compare(case: Case, base: Motion, kinds: list[str], rates: Floats) -> tuple
         except MemsImpactError:
             continue
         same = _common(base, [motion for _, motion in motions])
-        if same < total and step != STEPS[-1]:
-            continue
-        rows = [*range(same)]
-        return _judge(base, kinds, rates, motions, step, rows)
-    return 0, 0.0, ""
+        if longest is None or same > longest[0]:  # of equal ones, the largest step
+            longest = same, motions, step
+        if same == total:
+            break
+    if longest is None:
+        return 0, 0.0, ""
+    same, motions, step = longest
+    return _judge(base, kinds, rates, motions, step, [*range(same)])
 
 
 def _common(base: Motion, motions: list[Motion]) -> int:

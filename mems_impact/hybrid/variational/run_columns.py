@@ -197,7 +197,7 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
     """Propagate the columns through the transition at the end of piece `i`.
 
     An event of the same instant as the event before is its consequence, and happens with it, if its
-    margin was not zero before. Return False for another one.
+    margin was not zero before the first, nor is now. Return False for another one.
     """
     w, s = path.variational, path.columns
     n, m, y, t = w.n, w.m, path.y, path.times[i, 1]
@@ -222,10 +222,11 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
         error = path.tolerances[0] * size + path.tolerances[1] * gain
         path.margins[i, 0], path.margins[i, 1], path.margins[i, 2] = rate, change, error
         depth = TOLERANCES * error + SAME_TIME * abs(rate) * path.tolerances[2]
-        own = is_later or abs(path.first_margins[guard]) <= depth
+        nearest = min(abs(path.first_margins[guard]), abs(margin[guard, 0]))
+        own = is_later or nearest <= depth
         if own and not is_later and path.records[guard] == 0:
             return False
-        path.first_margins[guard] = math.inf  # to happen again is a consequence
+        path.first_margins[guard] = math.inf  # what another event makes happen again follows it
         for c in range(s):
             if own:
                 shift = margin[guard, n + 2 + c]
@@ -585,7 +586,7 @@ class RunColumns:
                 or (np.abs(found - found[0]) > SAME_RTOL * np.abs(found).max()).any()
             )
             if differs:
-                lost[end - 1 :, c] = True
+                lost[end - 1 if known else begin + 1 :, c] = True
             else:
                 after[:, c] = found[0]
         w, y, reached = columns, state, mode
