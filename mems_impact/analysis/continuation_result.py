@@ -1,4 +1,4 @@
-"""What branches and curves of special points share."""
+"""Results of continuation: branches, and curves of special points."""
 
 from __future__ import annotations
 

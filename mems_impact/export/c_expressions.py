@@ -38,7 +38,7 @@ from mems_impact.export.c_kinds import (
     Expression,
     Fixed,
     Kind,
-    Record,
+    Structure,
     Tuple,
     constant,
     identifier,
@@ -423,7 +423,7 @@ class ExpressionWriter:
                 self.refuse(f"the attribute {name!r}", "use attributes that exist", node)
         if isinstance(owner.kind, Tuple) and name in owner.kind.names:
             return self.item(owner, owner.kind.names.index(name))
-        if isinstance(owner.kind, Record):
+        if isinstance(owner.kind, Structure):
             fields = dict(owner.kind.fields)
             if name in fields:
                 return Expression(fields[name], f"{owner.code}->{name}")

@@ -19,8 +19,8 @@ __all__ = [
     "Expression",
     "Fixed",
     "Kind",
-    "Record",
     "Scalar",
+    "Structure",
     "Tuple",
     "constant",
     "identifier",
@@ -71,7 +71,7 @@ class Tuple:
 
 
 @dataclass(frozen=True)
-class Record:
+class Structure:
     """A pointer to a C structure with these scalar fields."""
 
     name: str
@@ -108,7 +108,7 @@ class Fixed:
         return hash(type(self.value))
 
 
-Kind = Scalar | Array | Tuple | Record | Fixed
+Kind = Scalar | Array | Tuple | Structure | Fixed
 
 
 def _mangled(kind: Any) -> str:
@@ -118,7 +118,7 @@ def _mangled(kind: Any) -> str:
         return "a" + "x".join(map(str, kind.shape or ()))
     if isinstance(kind, Tuple):
         return f"t{len(kind.items)}" + "".join(_mangled(item) for item in kind.items)
-    return "r" + kind.name if isinstance(kind, Record) else "f"
+    return "r" + kind.name if isinstance(kind, Structure) else "f"
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from mems_impact.export.c_kinds import (
     REAL,
     Array,
     Expression,
-    Record,
+    Structure,
     Tuple,
 )
 from mems_impact.export.c_source import CSource
@@ -82,7 +82,7 @@ __all__ = ["ENGINE", "LOOP", "ROOTS", "event_loop_source", "record_structure"]
 # --- Records
 
 POINTERS = ("table", "events", "samples")
-LOOP = Record(
+LOOP = Structure(
     "LoopState",
     tuple(
         (name, REAL if kind[0] == np.float64 else INTEGER)
@@ -105,7 +105,7 @@ _WORDS = (
 )
 _COUNTS = ("at_border", "off_border", "stiff", "steps")
 _REALS = ("t", "last_instant", "level", "rtol", "atol", "max_step", "longest", "t_start", "t_end")
-ENGINE = Record(
+ENGINE = Structure(
     "Engine",
     (
         *((name, INTEGER) for name in (*_WORDS, *_COUNTS)),
@@ -114,7 +114,7 @@ ENGINE = Record(
 )
 
 
-def record_structure(record: Record, pointers: Sequence[str]) -> str:
+def record_structure(record: Structure, pointers: Sequence[str]) -> str:
     """Return the C structure of a record, with pointers first."""
     lines = [f"    {pointer};" for pointer in pointers]
     lines += [f"    {kind.ctype} {name};" for name, kind in record.fields]
