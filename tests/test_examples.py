@@ -23,6 +23,7 @@ PICTURES = {  # where they are not run, orbit, branch
     "basin_boundary": {"basins"},
     "contact_switch": {"landing"},
     "electrodes": {"pull_in"},
+    "friction_from_a_record": {"fit", "ellipses"},
     "gap_closing_actuator": {"times"},
     "impact_damper": {"integral", "run"},
     "operating_map": {"motions", "speed"},

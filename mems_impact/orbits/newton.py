@@ -166,6 +166,9 @@ def newton(
             point, residual, matrix = equations(unknowns)
         except OrbitError:
             break  # the iteration has left the domain of the flow
+    else:
+        if previous < STEP_TOLERANCE and np.abs(residual).max() < RESIDUAL_TOLERANCE:
+            return Solution(unknowns, point, iterations_needed)  # steps become ever shorter
     worst = float(np.abs(residual).max())
     raise OrbitError(f"{reason} (residual {worst:.2g})", remedy, point)
 

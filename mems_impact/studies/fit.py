@@ -39,6 +39,8 @@ __all__ = ["Fit", "fit"]
 LOOSE = 1.0  # a standard error above this part of the typical size leaves a value undetermined
 TELLING = 1e-3  # least component of a combination that is named
 
+MOST_ROWS = 20  # of residuals in print
+
 Verdict = Literal["good", "undetermined", "misfit", "unsettled", "not converged"]
 
 REMEDIES: dict[Verdict, str] = {
@@ -194,8 +196,10 @@ class Fit(SummaryRepr):
 
     def __str__(self) -> str:
         form = {"index": False, "float_format": "{:.6g}".format}
-        tables_ = f"{self.parameters.to_string(**form)}\n\n{self.residuals.to_string(**form)}"
-        return f"{self.verdict}: {self.note}\n\n{tables_}"
+        parts = [f"{self.verdict}: {self.note}", self.parameters.to_string(**form)]
+        if len(self.residuals) <= MOST_ROWS:
+            parts.append(self.residuals.to_string(**form))
+        return "\n\n".join(parts)
 
 
 def fit(

@@ -168,7 +168,7 @@ BAD = {
     OWN.replace("own.py", "own.txt"): "system = 'own.txt': must be a Python file",
     OWN.replace("own.py", "none.py"): "none.py: no such file",
     OWN.replace(":oscillator", ":nothing"): "holds no system nothing",
-    OWN.replace(":oscillator", ":_flow"): "_flow() fails (TypeError",
+    OWN.replace(":oscillator", ":flow"): "flow() fails (TypeError",
     OWN.replace(":oscillator", ":math"): "holds no system math",
     OWN + 'initial = "kicked"\n': "study.initial = 'kicked': must be a table of components",
 }  # fmt: skip

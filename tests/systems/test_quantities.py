@@ -111,10 +111,10 @@ def test_design_functions():
     assert mi.step_length(MITA, "10 cm/s", "50 V") == mi.step_length(MITA, 0.1, 50.0)
     target = mi.Target(quantity="pull-in voltage", value="35 V", tolerance="5 %")
     assert (target.value, target.tolerance) == (35.0, 1.75)
-    found = mi.fit(MITA, [target], over="stiffness", bounds={"stiffness": ("1 N/m", "20 N/m")})
+    found = mi.fit(MITA, [target], free="stiffness", bounds={"stiffness": ("1 N/m", "20 N/m")})
     # The squared voltage is proportional to the stiffness.
     stiffness = MITA.k * (35.0 / mi.pull_in_voltage(MITA)) ** 2
-    assert found.actuator.k == pytest.approx(stiffness, rel=1e-6)
+    assert found.system.k == pytest.approx(stiffness, rel=1e-6)
     assert MITA.changed(restitution="70 %", stiffness="3 N/m") == MITA.replace(e=0.7, k=3.0)
 
 
@@ -157,8 +157,8 @@ REFUSED = {
     "loads": (lambda: mi.force_curve(MITA, DRIVE, ["1 V"]), "loads = '1 V': " + UNIT.format("N")),
     "a derived quantity": (lambda: MITA.changed(quality=10), DERIVED),
     "a free derived quantity": (
-        lambda: mi.fit(MITA, [mi.Target(quantity="resonance", value="1 kHz")], over=["frequency"]),
-        "over = 'frequency': " + DERIVED,
+        lambda: mi.fit(MITA, [mi.Target(quantity="resonance", value="1 kHz")], free=["frequency"]),
+        "free = 'frequency': " + DERIVED,
     ),
     "a system of functions": (lambda: OSCILLATOR.changed(k="3 V"), UNIT.format("N/m")),
 }
@@ -181,7 +181,7 @@ BARE = {
     "changes": lambda: DIMENSIONLESS.changed(amplitude="3 V"),
     "values": lambda: mi.sweep(DIMENSIONLESS, "omega", ["1 Hz"]),
     "loads": lambda: mi.force_curve(ZHAO, DIMENSIONLESS.drive, ["3 uN"]),
-    "a target": lambda: mi.fit(ZHAO, [mi.Target(quantity="resonance", value="1 kHz")], over="k"),
+    "a target": lambda: mi.fit(ZHAO, [mi.Target(quantity="resonance", value="1 kHz")], free="k"),
 }
 
 

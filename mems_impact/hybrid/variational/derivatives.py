@@ -88,7 +88,7 @@ class Event(NamedTuple):
 
 
 class Traversal(NamedTuple):
-    """The arcs and events of N segments, for n states of which some are free, and m guards.
+    """The arcs and events of N segments, for n states, a part of them free, and m guards.
 
     Attributes
     ----------
