@@ -15,8 +15,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from scipy.optimize import brentq
-
 from mems_impact._util.formatting import html_table
 from mems_impact._util.quantities import quantity
 from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER, QUANTITIES
@@ -162,6 +160,8 @@ class HoldingVoltage(Relation):
             return self.squared({"gap": gap, "travel": travel}) / target - 1.0
 
         high = travel + math.sqrt(target / travel) + (target / (SNAP * (1.0 - SNAP) ** 2)) ** SNAP
+        from scipy.optimize import brentq  # imported on use: a run need not wait for it
+
         return float(brentq(difference, travel, 2.0 * high, xtol=1e-30, rtol=1e-15))
 
 

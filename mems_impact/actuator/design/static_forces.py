@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import impact_law
@@ -82,6 +81,8 @@ class StaticForces:
         i = int(np.argmax(squares))
         best = squares[i]
         if 0 < i < FORCE_CURVE_POINTS - 1:
+            from scipy.optimize import minimize_scalar  # imported on use: a run need not wait
+
             bounds = positions[i - 1], positions[i + 1]
             result = minimize_scalar(
                 lambda x2: -self.squared_holding_voltage(x2),
@@ -145,6 +146,8 @@ class StaticForces:
         positions = np.linspace(0.0, end, FORCE_CURVE_POINTS).tolist()
         for before, after in pairwise(positions):
             if self.force(after) * first <= 0.0:
+                from scipy.optimize import brentq
+
                 return float(brentq(self.force, before, after, xtol=1e-15))
         return end
 

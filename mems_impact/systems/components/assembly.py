@@ -207,7 +207,7 @@ class FlowWriter:
 
     def contact_forces(self) -> ContactForces:
         """Return the forces of the contacts, once the sources are compiled."""
-        found = [
+        found = tuple(
             ForcedContact(
                 part.name,
                 sides,
@@ -219,9 +219,9 @@ class FlowWriter:
                 ),
             )
             for names, part, sides in self.touching
-        ]
-        space = self.space
-        return ContactForces(found, space["acting"], space["slopes"], self.holding.force_index)
+        )
+        space, indices = self.space, dict(self.holding.force_index)
+        return ContactForces(found, space["acting"], space["slopes"], indices)
 
     def unlimited(self, names: CodeNames) -> list[str]:
         """Return the lines that compute the derivatives in mode 0 of a part that limits them."""

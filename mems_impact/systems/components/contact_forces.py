@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,29 +23,25 @@ class ForcedContact(NamedTuple):
     holding: frozenset[int]
 
 
+@dataclass(frozen=True)
 class ContactForces:
     """The force of each contact on its velocity, from the motion of the bodies that it holds.
 
-    Parameters
+    Attributes
     ----------
-    contacts : sequence of ForcedContact
+    contacts : tuple of ForcedContact
     acting : callable
         ``acting(mode, t, y, p)``, the forces of the contacts that do not hold.
     field : callable
         ``field(mode, t, y, p)``, the derivatives, and the force that holds each body.
-    indices : mapping of int to int
+    indices : dict of int to int
         Index of this force in the result of `field`, by velocity.
     """
 
-    def __init__(
-        self,
-        contacts: list[ForcedContact],
-        acting: Callable[..., Any],
-        field: Callable[..., Any],
-        indices: Mapping[int, int],
-    ) -> None:
-        self.contacts, self._acting, self._field = contacts, acting, field
-        self._indices, self._rows = indices, {body: i for i, body in enumerate(indices)}
+    contacts: tuple[ForcedContact, ...]
+    acting: Callable[..., Any]
+    field: Callable[..., Any]
+    indices: dict[int, int]
 
     def columns(self, rows: Iterable[tuple[int, float, Any]], p: Any) -> dict[str, Floats]:
         """Return one column per contact for modes, times and states, by heading."""
@@ -59,18 +56,19 @@ class ContactForces:
 
         The force is nan where several contacts hold a body and their shares are indeterminate.
         """
-        forces = [float(force) for force in self._acting(mode, t, y, p)]
+        forces = [float(force) for force in self.acting(mode, t, y, p)]
         held = [i for i, contact in enumerate(self.contacts) if mode in contact.holding]
         if not held:
             return forces
-        found = self._field(mode, t, y, p)
-        balance = np.zeros((len(self._rows), len(held)))
+        found = self.field(mode, t, y, p)
+        rows = {body: i for i, body in enumerate(self.indices)}
+        balance = np.zeros((len(rows), len(held)))
         for column, i in enumerate(held):
             sides = self.contacts[i].sides
-            balance[self._rows[sides.velocity], column] = 1.0
+            balance[rows[sides.velocity], column] = 1.0
             if sides.other_velocity is not None and sides.other_mass is not None:
-                balance[self._rows[sides.other_velocity], column] = -1.0
-        totals = np.array([float(found[index]) for index in self._indices.values()])
+                balance[rows[sides.other_velocity], column] = -1.0
+        totals = np.array([float(found[index]) for index in self.indices.values()])
         shares, _, rank, _ = np.linalg.lstsq(balance, totals, rcond=None)
         for i, share in zip(held, shares.tolist(), strict=True):
             forces[i] = share if rank == len(held) else math.nan
