@@ -108,9 +108,7 @@ class RunDerivatives:
         rtol, atol = LOOSER * options.rtol, LOOSER * options.atol
         problem = replace(problem, options=replace(options, rtol=rtol, atol=atol))
         length = self.run.periods * (2.0 if trajectory.ended else 1.0)
-        events: list[Events] = []
-        again = integrate(problem, trajectory.start, length, consume=events.append)
-        again = again.with_events(Events.joined(events) if events else log[:0])
+        again = integrate(problem, trajectory.start, length)
         if not _same_sequence(again.events, log):
             return self._by_state(np.full_like(self._final(self.columns), np.nan))
         looser = replace(self, run=replace(self.run, trajectory=again))
@@ -465,11 +463,9 @@ def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
     """Return the derivatives of a run; see `Run.derivatives`."""
     names = (names,) if isinstance(names, str) else tuple(names or ())
     if run.keep != "events":
-        events: list[Events] = []
         first = run.trajectory
-        integrate(first.problem, first.start, run.periods, consume=events.append)
-        trajectory = first.with_events(Events.joined(events) if events else first.events)
-        run = replace(run, keep="events", trajectory=trajectory)
+        events = integrate(first.problem, first.start, run.periods).events
+        run = replace(run, keep="events", trajectory=first.with_events(events))
     family, automaton = run.system.family(run.options), run.trajectory.automaton
     states = [f"{INITIAL}{name}" for name in automaton.states]
     for name in names:

@@ -119,7 +119,8 @@ def newton(
     The iteration converges if the next step is below `tolerance`, or if steps no longer shrink
     while no residual exceeds `RESIDUAL_TOLERANCE`: they are then at the level of the integration
     error. Steps below `RESIDUAL_TOLERANCE` that no longer shrink quadratically are accepted too,
-    unless the tolerance is zero.
+    unless the tolerance is zero; then also those below `STEP_TOLERANCE` that still shrink after the
+    last iteration.
     If the matrix is nearly singular, rounding alone may cause steps of any length, so the iteration
     also ends at residuals of the order of rounding.
 

@@ -32,12 +32,7 @@ from mems_impact._util.on_demand import OnDemand
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.variational.derivatives import (
-    Arc,
-    Event,
-    Variational,
-    free_components,
-)
+from mems_impact.hybrid.variational.derivatives import Arc, Event, Variational, free_components
 from mems_impact.hybrid.variational.saltation import NO_EVENT
 from mems_impact.integrators.options import MIN_RTOL
 from mems_impact.orbits.family import Family, ParameterPoint

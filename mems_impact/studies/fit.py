@@ -22,12 +22,7 @@ from mems_impact.studies.least_squares import (
     LeastSquares,
     Minimum,
 )
-from mems_impact.studies.records import (
-    Comparison,
-    Conditions,
-    Measurement,
-    Record,
-)
+from mems_impact.studies.records import Comparison, Conditions, Measurement, Record
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.state import State, whole
 
@@ -274,7 +269,7 @@ def fit(
 
     Notes
     -----
-    The search begins with the first part of the records, which grows threefold, so that a
+    The search begins with the first part of the records, which is doubled, so that a
     frequency that is a little wrong does not lead to another minimum. Standard errors that are not
     given are estimated from the residuals by quantity, and those of the estimates follow from
     them; given ones are taken as they are.
@@ -345,7 +340,7 @@ def _result(problem: LeastSquares, system: Any, solutions: Sequence[Minimum]) ->
     determined = spread <= LOOSE * np.maximum(np.abs(values), problem.scales)
     parameters = pd.DataFrame(
         {
-            "parameter": [f"{u.label} [{u.unit}]" if u.unit else u.label for u in problem.unknowns],
+            "parameter": [each.heading for each in problem.unknowns],
             "start": problem.first,
             "fitted": values,
             "standard error": spread,
@@ -363,10 +358,9 @@ def _result(problem: LeastSquares, system: Any, solutions: Sequence[Minimum]) ->
     table["standard error"], table["in standard errors"] = errors, difference / errors
     off = np.abs(difference / errors)
     misfit = float(np.nanmax(off, initial=0.0))
-    parts = problem.predict(values, gap=best.gap)[1]
     remarks = [
         remark
-        for i, (each, part) in enumerate(zip(problem.comparisons, parts, strict=True))
+        for i, (each, part) in enumerate(zip(problem.comparisons, best.parts, strict=True))
         for remark in each.remarks(problem.mine(i, values), part)
     ]
     is_misfit = problem.is_misfit(best)

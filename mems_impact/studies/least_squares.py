@@ -15,17 +15,11 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.warning_scopes import collected_warnings
 from mems_impact.analysis.run_derivatives import INITIAL
 from mems_impact.errors import InvalidParameter, MemsImpactError
-from mems_impact.studies.records import (
-    DELAY,
-    OFFSET,
-    Comparison,
-    Prediction,
-)
+from mems_impact.studies.records import DELAY, OFFSET, Comparison, Prediction
 from mems_impact.systems.state import is_number
 
 if TYPE_CHECKING:
     import pandas as pd
-
 
 __all__ = [
     "INTERVAL",
@@ -104,6 +98,8 @@ class Minimum(NamedTuple):
     errors : float array, shape (m,)
         Standard errors of the data.
     prediction : Prediction
+    parts : list of Prediction
+        The same by comparison.
     cost : float
         Sum of squares, of data and priors.
     converged : bool
@@ -115,6 +111,7 @@ class Minimum(NamedTuple):
     values: Floats
     errors: Floats
     prediction: Prediction
+    parts: list[Prediction]
     cost: float
     converged: bool
     evaluations: int
@@ -348,7 +345,7 @@ class LeastSquares:
         moving = np.array([j for j in range(len(first)) if fixed is None or j != fixed[0]])
         low, high, scales = self.low[moving], self.high[moving], self.scales[moving]
         means, sizes = np.array([each.prior for each in self.unknowns])[moving].T
-        last: dict[bytes, tuple[Floats, Floats, Prediction]] = {}
+        last: dict[bytes, tuple[Floats, Floats, Prediction, list[Prediction]]] = {}
 
         def full(x: Floats) -> Floats:
             values = first.copy()
@@ -357,17 +354,18 @@ class LeastSquares:
                 values[fixed[0]] = fixed[1]
             return values
 
-        def at(x: Floats) -> tuple[Floats, Floats, Prediction]:
+        def at(x: Floats) -> tuple[Floats, Floats, Prediction, list[Prediction]]:
             key = x.tobytes()
             if key not in last:
                 values = full(x)
                 try:
-                    prediction, _ = self.predict(values, part, gap)
+                    prediction, found = self.predict(values, part, gap)
                 except MemsImpactError:  # without a run there is no fit
                     if not last:
                         raise
                     nothing = np.full(self.measured.size, math.nan)
                     prediction = Prediction(nothing, np.zeros((nothing.size, len(first))))
+                    found = []
                     residuals = np.full(int(within.sum()), math.inf)
                 else:
                     residuals = ((prediction.values - self.measured) / errors)[within]
@@ -380,11 +378,11 @@ class LeastSquares:
                     parts.append(REST_WEIGHT * (values - rest)[moving] / scales)
                     rows.append(REST_WEIGHT * np.eye(len(moving)))
                 last.clear()
-                last[key] = np.concatenate(parts), np.concatenate(rows), prediction
+                last[key] = np.concatenate(parts), np.concatenate(rows), prediction, found
             return last[key]
 
         def jacobian(x: Floats) -> Floats:
-            residuals, rows, _ = at(x)
+            residuals, rows, *_ = at(x)
             rows = rows.copy()
             for j in np.flatnonzero(~np.isfinite(rows).all(axis=0)).tolist():
                 rows[:, j] = difference(x, residuals, j)
@@ -403,8 +401,9 @@ class LeastSquares:
 
         start = first[moving] / scales
         if not moving.size:
-            found = at(start)
-            return Minimum(full(start), errors, found[2], float(found[0] @ found[0]), True, 1, gap)
+            residuals, _, prediction, found = at(start)
+            cost = float(residuals @ residuals)
+            return Minimum(full(start), errors, prediction, found, cost, True, 1, gap)
         solved = least_squares(
             lambda x: at(x)[0],
             np.clip(start, low / scales, high / scales),
@@ -417,15 +416,15 @@ class LeastSquares:
             gtol=tolerance,
             max_nfev=EVALUATIONS,
         )
-        residuals, _, prediction = at(solved.x)
+        residuals, _, prediction, found = at(solved.x)
         jac = np.zeros_like(prediction.jacobian)
         jac[:, moving] = prediction.jacobian[:, moving]
         for j in np.flatnonzero(~np.isfinite(prediction.jacobian[:, moving]).all(axis=0)).tolist():
             column = difference(solved.x, residuals, j)[: int(within.sum())]
             jac[within, moving[j]] = column * errors[within] / scales[j]
         return Minimum(
-            full(solved.x), errors, prediction._replace(jacobian=jac), 2.0 * float(solved.cost),
-            bool(solved.success), int(solved.nfev), gap,
+            full(solved.x), errors, prediction._replace(jacobian=jac), found,
+            2.0 * float(solved.cost), bool(solved.success), int(solved.nfev), gap,
         )  # fmt: skip
 
     def is_misfit(self, solution: Minimum) -> bool:

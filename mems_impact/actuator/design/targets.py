@@ -280,15 +280,14 @@ class TargetComparison(Comparison):
                 changes[target.drive] = max(changes[target.drive], known)
         return changes
 
-    def _computed(self, actuator: Actuator) -> Floats:
-        runs = self.runs(actuator)
+    def _computed(self, actuator: Actuator, runs: Mapping[Drive, Run]) -> Floats:
         return np.array([target.computed(actuator, runs) for target in self._targets])
 
     def predict(self, values: Mapping[str, float], part: float, gap: float) -> Prediction:
         """Return the quantities of the device with these values, and their derivatives."""
         actuator, names = self._actuator.changed(**values), list(values)
         runs = self.runs(actuator)
-        computed = np.array([target.computed(actuator, runs) for target in self._targets])
+        computed = self._computed(actuator, runs)
         undefined = np.flatnonzero(~np.isfinite(computed))
         if undefined.size:
             target = self._targets[undefined[0]]
@@ -334,7 +333,8 @@ class TargetComparison(Comparison):
 
             def at(part: float, step: float = step) -> Floats:
                 moved = {**values, name: values[name] + part * step}
-                return self._computed(self._actuator.changed(**moved))
+                actuator = self._actuator.changed(**moved)
+                return self._computed(actuator, self.runs(actuator))
 
             try:
                 aside = at(1.0)

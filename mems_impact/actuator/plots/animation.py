@@ -11,16 +11,8 @@ import pandas as pd
 from mems_impact.actuator.automaton import slips
 from mems_impact.actuator.plots.motion import NODES
 from mems_impact.plotting.animation import Frames, Scene, caption, clock, frames_of, glow
-from mems_impact.plotting.labels import (
-    Label,
-    label_axis,
-    label_of,
-)
-from mems_impact.plotting.style import (
-    color,
-    new_figure,
-    thickness,
-)
+from mems_impact.plotting.labels import Label, label_axis, label_of
+from mems_impact.plotting.style import color, new_figure, thickness
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorRun

@@ -17,14 +17,7 @@ from mems_impact.plotting.labels import (
     mark_points,
     parameter_label,
 )
-from mems_impact.plotting.style import (
-    DASHES,
-    boundary_line,
-    color,
-    new_figure,
-    styled,
-    thickness,
-)
+from mems_impact.plotting.style import DASHES, boundary_line, color, new_figure, styled, thickness
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.operating_chart import OperatingChart

@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mems_impact.actuator.plots.motion import NODES, draw_voltages
-from mems_impact.plotting.labels import (
-    Label,
-    label_axis,
-    label_of,
-    legend_above,
-    letter_panels,
-)
+from mems_impact.plotting.labels import Label, label_axis, label_of, legend_above, letter_panels
 from mems_impact.plotting.style import (
     DASHES,
     LINES,
@@ -25,9 +19,7 @@ from mems_impact.plotting.style import (
     styled,
     thickness,
 )
-from mems_impact.plotting.trajectories import (
-    IMPACT,
-)
+from mems_impact.plotting.trajectories import IMPACT
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.closing import Closing

@@ -8,19 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.plotting.labels import (
-    Label,
-    label_axis,
-    legend_above,
-    letter_panels,
-)
-from mems_impact.plotting.style import (
-    LINES,
-    color,
-    new_figure,
-    styled,
-    thickness,
-)
+from mems_impact.plotting.labels import Label, label_axis, legend_above, letter_panels
+from mems_impact.plotting.style import LINES, color, new_figure, styled, thickness
 
 if TYPE_CHECKING:
     from mems_impact.actuator.actuator import Actuator

@@ -4,16 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from mems_impact.plotting.labels import (
-    label_axis,
-    label_of,
-    legend_above,
-)
-from mems_impact.plotting.style import (
-    color,
-    new_figure,
-    styled,
-)
+from mems_impact.plotting.labels import label_axis, label_of, legend_above
+from mems_impact.plotting.style import color, new_figure, styled
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.energy import Energy

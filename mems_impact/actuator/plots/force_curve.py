@@ -15,12 +15,7 @@ from mems_impact.plotting.labels import (
     legend_above,
     prefixed,
 )
-from mems_impact.plotting.style import (
-    color,
-    new_figure,
-    styled,
-    thickness,
-)
+from mems_impact.plotting.style import color, new_figure, styled, thickness
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.force_curve import ForceCurve

@@ -14,14 +14,7 @@ from mems_impact.plotting.labels import (
     parameter_label,
     symbol,
 )
-from mems_impact.plotting.style import (
-    color,
-    given_axes,
-    graded,
-    new_figure,
-    styled,
-    thickness,
-)
+from mems_impact.plotting.style import color, given_axes, graded, new_figure, styled, thickness
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.characteristics import FrequencyResponse

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import RunError
-from mems_impact.hybrid.event_loop.event_detection import TOLERANCES
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     APPROACH,
@@ -42,12 +41,15 @@ from mems_impact.hybrid.variational.saltation import (
     VariationalWorkspace,
     differentiate_event,
     integrate,
+    just_before,
+    margin_error,
     project,
+    rate_along,
+    simultaneous_below,
     variational_workspace,
 )
 from mems_impact.integrators import interface
 
-SAME_TIME = 1e-6  # time between simultaneous events, in time scales
 SAMPLE = -1  # kind of a piece that ends without an event
 NOTHING = 0, 0.0, SAMPLE, 0, 0
 DONE = -1  # result of `propagate_columns`
@@ -150,8 +152,7 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
                 path.before[i, j, c] = path.after[i, j, c] = y[n + s * j + c]
         if kind in (SAMPLE, ACCUMULATION, APPROACH):
             # The limit from the left, before a switch of the drive.
-            left = end - 1e-15 * abs(end) if end > start else end
-            interface.flow(engine, mode, left, y, slope)
+            interface.flow(engine, mode, just_before(end) if end > start else end, y, slope)
             for j in range(n):
                 path.ends[i, j] = y[j]
                 path.slopes[i, 0, j] = path.slopes[i, 1, j] = slope[j]
@@ -172,14 +173,18 @@ def approach(engine: Any, i: int, slope: Any, path: Any) -> None:
     w, s, y = path.variational, path.columns, path.y
     n, row = w.n, w.m + path.pieces[i, 2]
     differentiate_event(engine, path.pieces[i, 0], 2 * w.m, path.times[i, 1], y, w)
-    change = w.margin[row, n + 1]
-    for j in range(n):
-        change += w.margin[row, 1 + j] * slope[j]
+    change = rate_along(w.margin[row], slope, n)
     for c in range(s):
-        shift = w.margin[row, n + 2 + c]
-        for j in range(n):
-            shift += w.margin[row, 1 + j] * y[n + s * j + c]
+        shift = column_of(w.margin[row], y, n, s, c)
         path.instants[i, c] = -shift / change if change != 0.0 else math.nan
+
+
+def column_of(row: Any, y: Any, n: int, s: int, c: int) -> float:
+    """Return the derivative of a margin by quantity `c`, from its derivatives and the columns."""
+    total: float = row[n + 2 + c]
+    for j in range(n):
+        total += row[1 + j] * y[n + s * j + c]
+    return total
 
 
 def set_clock(engine: Any, path: Any, i: int) -> None:
@@ -205,33 +210,25 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
     margin, jump = w.margin, w.jump
     before, after = w.work[8], w.work[9]
     # The limit from the left, before a switch of the drive.
-    interface.flow(engine, mode, t - 1e-15 * abs(t), y, before)
+    interface.flow(engine, mode, just_before(t), y, before)
     code = guard if kind == TRANSITION else 2 * m
     differentiate_event(engine, mode, code, t, y, w)
     if is_later:
         for j in range(2 * m):
             path.first_margins[j] = margin[j, 0]
-    rate, size, gain, change = 0.0, 0.0, 0.0, 0.0
     if kind == TRANSITION:
-        rate, change = margin[guard, n + 1], margin[m + guard, n + 1]
-        for j in range(n):
-            rate += margin[guard, 1 + j] * before[j]
-            change += margin[m + guard, 1 + j] * before[j]
-            gain += abs(margin[guard, 1 + j])
-            size += abs(margin[guard, 1 + j] * y[j])
-        error = path.tolerances[0] * size + path.tolerances[1] * gain
+        row = margin[guard]
+        rate, change = rate_along(row, before, n), rate_along(margin[m + guard], before, n)
+        error = margin_error(row, y, n, path.tolerances[0], path.tolerances[1])
         path.margins[i, 0], path.margins[i, 1], path.margins[i, 2] = rate, change, error
-        depth = TOLERANCES * error + SAME_TIME * abs(rate) * path.tolerances[2]
-        nearest = min(abs(path.first_margins[guard]), abs(margin[guard, 0]))
-        own = is_later or nearest <= depth
+        nearest = min(abs(path.first_margins[guard]), abs(row[0]))
+        own = is_later or nearest <= simultaneous_below(error, rate, path.tolerances[2])
         if own and not is_later and path.records[guard] == 0:
             return False
         path.first_margins[guard] = math.inf  # what another event makes happen again follows it
         for c in range(s):
             if own:
-                shift = margin[guard, n + 2 + c]
-                for j in range(n):
-                    shift += margin[guard, 1 + j] * y[n + s * j + c]
+                shift = column_of(row, y, n, s, c)
                 path.instants[i, c] = -shift / rate if rate != 0.0 else math.nan
             else:
                 path.instants[i, c] = path.instants[i - 1, c]
@@ -272,13 +269,9 @@ def rest(engine: Any, i: int, path: Any) -> int:
     before, after = w.work[8], w.work[9]
     differentiate_event(engine, mode, m + guard, t, y, w)
     interface.flow(engine, mode, t, y, before)
-    rate = margin[guard, n + 1]
-    for j in range(n):
-        rate += margin[guard, 1 + j] * before[j]
+    rate = rate_along(margin[guard], before, n)
     for c in range(s):
-        gap = margin[guard, n + 2 + c]
-        for j in range(n):
-            gap += margin[guard, 1 + j] * y[n + s * j + c]
+        gap = column_of(margin[guard], y, n, s, c)
         path.first_instants[c] = -gap / rate if rate != 0.0 else 0.0
         for j in range(n):
             y[n + s * j + c] += before[j] * path.first_instants[c]
@@ -566,7 +559,9 @@ class RunColumns:
         for guard in guards:
             alone, *_ = self._cross(path, instant, columns, mode, state, guard)
             instants[guard] = alone.instants[0]
-            known &= guard == guards[0] or abs(margins[guard]) <= self._depth(alone.margins[0])
+            rate, _, error = alone.margins[0]
+            below = simultaneous_below(error, rate, path.tolerances[2])
+            known &= guard == guards[0] or abs(margins[guard]) <= below
         outcomes = {}
         for order in permutations(guards) if known else ():
             w, y, reached = columns, state, mode
@@ -596,12 +591,6 @@ class RunColumns:
             path.instants[i], path.slopes[i] = instants[guard], alone.slopes[0]
         path.after[end - 1], path.y[self._n :] = after, after.ravel()
         return end
-
-    def _depth(self, margin: Floats) -> float:
-        """Return the margin below which an event is at the same time as another one."""
-        rate, _, error = margin
-        scale = self._problem.time_scale or self._problem.period
-        return float(TOLERANCES * error + SAME_TIME * abs(rate) * scale)
 
     def _cross(
         self,

@@ -545,6 +545,7 @@ def event_tangents(
 
 # --- Perturbations along a run
 
+SAME_TIME = 1e-6  # time between simultaneous events, in time scales
 MIN_RATE = 1e-14  # lower bound of the rate of a margin at an event, which bounds perturbations
 # An event that leaves a smaller part of a column makes it zero, within the error of differences.
 ZERO_COLUMN = 1e-11
@@ -729,6 +730,33 @@ def constrain(engine: Any, state: Any, problem: Any) -> None:
         project(engine, state.cycle_mode[1], state.t[0], state.y, workspace)
 
 
+def just_before(t: float) -> float:
+    """Return the instant before `t`, at which a switch of the drive at `t` has not happened."""
+    return t - 1e-15 * abs(t)
+
+
+def rate_along(row: Any, flow: Any, n: int) -> float:
+    """Return the rate of a margin along a flow, from its value and derivatives."""
+    rate: float = row[n + 1]
+    for j in range(n):
+        rate += row[1 + j] * flow[j]
+    return rate
+
+
+def margin_error(row: Any, y: Any, n: int, rtol: float, atol: float) -> float:
+    """Return the error of a margin by that of the state, from its value and derivatives."""
+    size = gain = 0.0
+    for j in range(n):
+        gain += abs(row[1 + j])
+        size += abs(row[1 + j] * y[j])
+    return rtol * size + atol * gain
+
+
+def simultaneous_below(error: float, rate: float, scale: float) -> float:
+    """Return the margin below which an event is at the same time as another one."""
+    return TOLERANCES * error + SAME_TIME * abs(rate) * scale
+
+
 def apply_saltation(engine: Any, event: Any, state: Any, problem: Any) -> None:
     """Propagate the columns through the transition of an event by its saltation matrix.
 
@@ -742,20 +770,14 @@ def apply_saltation(engine: Any, event: Any, state: Any, problem: Any) -> None:
     mode, t = int(event[MODE_BEFORE]), state.t[0]
     flow_before, flow_after = workspace.work[8], workspace.work[9]
     # The limit from the left, before a switch of the drive.
-    interface.flow(engine, mode, t - 1e-15 * abs(t), state.y, flow_before)
+    interface.flow(engine, mode, just_before(t), state.y, flow_before)
     differentiate(engine, mode, 2 * m if is_switch else guard, state, problem)
     rate, is_beyond = 0.0, True
     if not is_switch:
-        size = gain = 0.0
-        rate = workspace.margin[guard, n + 1]
-        for j in range(n):
-            slope = workspace.margin[guard, 1 + j]
-            rate += slope * flow_before[j]
-            gain += abs(slope)
-            size += abs(slope * state.y[j])
-        error = problem.rtol * size + problem.atol * gain
-        depth = TOLERANCES * error + 1e-6 * abs(rate) * problem.scale
-        is_beyond = workspace.margin[guard, 0] < -depth
+        row = workspace.margin[guard]
+        rate = rate_along(row, flow_before, n)
+        error = margin_error(row, state.y, n, problem.rtol, problem.atol)
+        is_beyond = row[0] < -simultaneous_below(error, rate, problem.scale)
         rate = math.copysign(max(abs(rate), MIN_RATE), rate)
     y_before = workspace.work[10]
     for j in range(n):
