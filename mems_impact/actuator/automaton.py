@@ -16,7 +16,7 @@ from typing import Any
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.energy_accounting import SUMMED, accounts, sum_of
-from mems_impact.actuator.model import LimitedState, Model, compose
+from mems_impact.actuator.model import LimitedState, Model, compose, zero
 from mems_impact.actuator.terms.base import Function, TermKind
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import (
@@ -129,14 +129,19 @@ def flow_of(
 ) -> Callable[..., Any]:
     """Return the flow without the parts; with dissipated powers, with sums of works and losses."""
     voltage = f"p[{model.layout.drive}:]"
+    # A sum with zero would take as long as any other.
+    force, on_frame, on_block = (
+        "" if getattr(model, name) is zero else f"{name}(y, p)"
+        for name in ("force", "on_frame", "on_block")
+    )
     lines = [
         f"v = right(t, {voltage})",
         f"w = {f'left(t, {voltage})' if left else '0.0'}",
         "pulled = pull(v, w, y, p)",
-        "inner = load(y[X2], y[V2], pulled + force(y, p), p)",
+        f"inner = load(y[X2], y[V2], pulled{force and f' + {force}'}, p)",
         # Reciprocals need not wait for the load, as quotients would.
-        "a1 = (inner + on_frame(y, p)) * (1.0 / p[M1])",
-        "a2 = (on_block(y, p) - inner) * (1.0 / p[M2])",
+        f"a1 = (inner{on_frame and f' + {on_frame}'}) * (1.0 / p[M1])",
+        f"a2 = ({on_block} - inner) * (1.0 / p[M2])",
     ]
     rates = {f"rate_{i}": rate for i, rate in enumerate(model.rates)}
     losses = {f"loss_{i}": loss for i, loss in enumerate((dissipation or {}).values())}

@@ -208,13 +208,14 @@ def override(contributions: Sequence[TermContribution], name: str) -> Any:
     return functions[-1] if functions else None
 
 
+def zero(y, p):  # type: ignore[no-untyped-def]
+    """Return 0."""
+    return 0.0
+
+
 def total_of(functions: Sequence[Function]) -> Function:
-    """Return the sum of functions ``f(y, p)``."""
+    """Return the sum of functions ``f(y, p)``, `zero` without any."""
     if not functions:
-
-        def zero(y, p):  # type: ignore[no-untyped-def]
-            return 0.0
-
         return zero
     if len(functions) == 1:
         return functions[0]

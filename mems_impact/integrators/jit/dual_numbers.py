@@ -59,7 +59,7 @@ class DualType(types.Type):
 
     def __init__(self, width: int, value: Any = types.float64) -> None:
         self.width, self.value = width, value
-        self.slope = value if isinstance(value, DualType) else TangentsType(width)
+        self.slope = TangentsType(width) if width > 1 else value
         super().__init__(f"Dual({width}, {value})")
 
     @property
@@ -789,17 +789,7 @@ class _WithRate(AbstractTemplate):
 def _of_rate(context: Any, builder: Any, kinds: Any, numbers: Any) -> Any:
     result = kinds.return_type
     value, rate, *_ = map(partial(_parts, context, builder), kinds.args, numbers)
-    if not isinstance(rate, tuple):
-        rate = _splat(builder, rate, ir.VectorType(DOUBLE, 1))
     return _packed(context, builder, result, (value, rate))
-
-
-def _pair(builder: Any, parts: Any) -> Any:
-    """Return the parts of value and rate."""
-    value, rate = parts
-    if not isinstance(rate, tuple):
-        rate = builder.extract_element(rate, ir.Constant(ir.IntType(32), 0))
-    return value, rate
 
 
 @intrinsic
@@ -810,8 +800,7 @@ def _value_and_rate(_typing: Any, number: Any, time: Any) -> Any:
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         parts = _lifted(context, builder, number, args[0], time)
-        pair = _pair(builder, parts) if number == time else parts
-        members = [_packed(context, builder, kind, each) for each in pair]
+        members = [_packed(context, builder, kind, each) for each in parts]
         return context.make_tuple(builder, result, members)
 
     return result(number, time), codegen
@@ -829,7 +818,7 @@ def _moved(_typing: Any, given: Any, time: Any) -> Any:
         step = _lifted(context, builder, time, args[1], kind)
         moved = []
         for each in [args[0]] if number == given else cgutils.unpack_tuple(builder, args[0]):
-            value, rate = _pair(builder, _parts(context, builder, number, each))
+            value, rate = _parts(context, builder, number, each)
             parts = _add(builder, value, _multiply(builder, step, rate))
             moved.append(_packed(context, builder, kind, parts))
         return moved[0] if number == given else context.make_tuple(builder, result, moved)

@@ -23,7 +23,7 @@ from numba.core.registry import cpu_target
 from mems_impact._util.garbage import pause_collection
 from mems_impact.integrators.jit.closures import forget_copies
 from mems_impact.integrators.jit.numba_support import (
-    INNER,
+    DISJOINT,
     JIT,
     MATRIX,
     VECTOR,
@@ -194,7 +194,7 @@ def compile_kernel(
 def _inline_function(function: Callable[..., Any], boundscheck: bool) -> Any:
     """Return the numba function, one for all sizes: its translation takes most of the time."""
     # The calling convention of an array is a quarter of the time of a small function.
-    return njit(**JIT, **INNER, forceinline=True, boundscheck=boundscheck)(function)
+    return njit(**JIT, **DISJOINT, forceinline=True, boundscheck=boundscheck)(function)
 
 
 def _link(

@@ -44,9 +44,15 @@ class UnlinkedLibrary(JITCodeLibrary):
     def add_ir_module(self, module: ir.Module) -> None:
         """Add a module; of its functions the large ones are called.
 
-        Inlined into each caller, and these into theirs, they would grow exponentially.
+        Inlined into each caller, and these into theirs, they would grow exponentially. A rare case
+        that does not end its function, such as a slice beyond an array, loses its weight: LLVM then
+        selects a value without a branch, and finds equal expressions before and after it.
         """
         for function in module.functions:
+            for block in function.blocks:
+                end = block.terminator
+                if "prof" in end.metadata and not isinstance(end.operands[1].terminator, ir.Ret):
+                    del end.metadata["prof"]
             if "alwaysinline" in function.attributes:
                 size = 0
                 for each in itertools.chain(*(block.instructions for block in function.blocks)):
@@ -93,13 +99,21 @@ class _PartCompiler(Compiler):
         return super().define_pipelines()
 
 
+class _DisjointCompiler(_PartCompiler):
+    def define_pipelines(self) -> Any:
+        self.state.flags.noalias = True
+        return super().define_pipelines()
+
+
 # Compiled code owns no memory and does not raise, so it needs neither reference counts nor checks
 # of divisors; inner functions need no entry from Python. Both reduce compile time.
 JIT = {"_nrt": False, "error_model": "numpy"}
 INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+DISJOINT = INNER.copy()  # for arrays that do not overlap: no write changes what was read
 # A version of numba with other internals uses its own compiler, which takes twice as long.
 if all(hasattr(JITCodeLibrary, name) for name in USED):
     INNER["pipeline_class"] = _PartCompiler
+    DISJOINT["pipeline_class"] = _DisjointCompiler
 # A C function is a wrapper that passes arrays over the stack and checks for errors, which takes a
 # quarter of the time of a small function unless the function is inlined.
 FOR_C = {**JIT, "forceinline": True}

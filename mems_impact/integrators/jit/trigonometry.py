@@ -143,9 +143,11 @@ def _overload(
             return lambda x: library(x)
 
         def implementation(x):  # type: ignore[no-untyped-def]
-            if 0.0 < abs(x) < LARGEST_ARGUMENT:
-                return compute(x)
-            return library(x)
+            # Without a condition, so that LLVM reduces an argument of several functions once.
+            value = compute(x)
+            if not 0.0 < abs(x) < LARGEST_ARGUMENT:
+                value = library(x)
+            return value
 
         return implementation
 
