@@ -15,7 +15,7 @@ from mems_impact.export.event_loop_source import ENGINE, LOOP, event_loop_source
 from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.definition import RATE_STEP
 from mems_impact.hybrid.event_loop import workspace
-from mems_impact.hybrid.problem import STEPS_PER_PERIOD
+from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD
 from mems_impact.integrators.dop853 import stepper
 
 __all__ = ["EVENT_VARIABLES", "TOKEN", "first_integer", "model_header"]

@@ -23,8 +23,9 @@ from mems_impact.errors import (
 )
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.diagnostics.failures import AT_TIMES, depends_on_time_only
+from mems_impact.hybrid.engine import LoopMemory, create_engine
 from mems_impact.hybrid.event_loop import loop, workspace
-from mems_impact.hybrid.problem import LoopMemory, Problem, create_engine
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators import interface
 

@@ -27,7 +27,7 @@ from mems_impact.errors import (
     MemsImpactError,
     RunError,
 )
-from mems_impact.hybrid.problem import is_compiled
+from mems_impact.hybrid.engine import is_compiled
 from mems_impact.hybrid.simulation import INSTANT_RTOL
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.scheduler import run_study

@@ -38,6 +38,7 @@ from mems_impact.hybrid.diagnostics.user_functions import (
     describe_value,
     rounding_size,
 )
+from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD
 from mems_impact.hybrid.event_loop.loop import run_steps
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
@@ -52,7 +53,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     SWITCH,
     TRANSITION,
 )
-from mems_impact.hybrid.problem import STEPS_PER_PERIOD, Problem
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import NO_CHECKPOINTS, Events, Simulation
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.dual_numbers import along, with_rate

@@ -10,9 +10,9 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.attractor import InitialCondition, RecurrenceOptions, map_attractors
-from mems_impact.hybrid import problem as problem_module
+from mems_impact.hybrid import engine as engine_module
 from mems_impact.hybrid.attractors import mapper
-from mems_impact.hybrid.problem import StepQuota, create_engine
+from mems_impact.hybrid.engine import StepQuota, create_engine
 from mems_impact.hybrid.variational import lyapunov
 from tests.analysis import oscillators
 from tests.analysis.systems import ball, oscillator
@@ -595,7 +595,7 @@ def test_run_error_of_an_autonomous_system_has_the_time():
 
 @pytest.mark.slow
 def test_an_exponent_can_be_interrupted(monkeypatch):
-    monkeypatch.setattr(problem_module, "CALL_SECONDS", 1e-3)
+    monkeypatch.setattr(engine_module, "CALL_SECONDS", 1e-3)
     case, calls = [InitialCondition(device(0.24, 0.45))], {}
     for exponents in ("none", "unsettled"):
         done = calls[exponents] = []

@@ -6,8 +6,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from mems_impact.actuator.drives import Sine
+from mems_impact.hybrid.engine import is_compiled
 from mems_impact.hybrid.event_loop import workspace
-from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
 from tests.actuator.machine import ZHAO, simulate
 

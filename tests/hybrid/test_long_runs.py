@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mems_impact.errors import Interrupted
-from mems_impact.hybrid import problem, simulation
+from mems_impact.hybrid import engine as engine_module
+from mems_impact.hybrid import simulation
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import loop, workspace
 from mems_impact.hybrid.variational import lyapunov
@@ -93,8 +94,8 @@ def test_impact_times_do_not_lose_digits():
 
 def test_calls_of_the_loop_take_a_tenth_of_a_second(monkeypatch):
     seconds_per_step, waiting_per_step, now, worked = 1e-3, 0.0, 0.0, 0.0
-    monkeypatch.setattr(problem, "monotonic", lambda: now)
-    monkeypatch.setattr(problem, "thread_time", lambda: worked)
+    monkeypatch.setattr(engine_module, "monotonic", lambda: now)
+    monkeypatch.setattr(engine_module, "thread_time", lambda: worked)
 
     def loop(status, taken, steps):
         nonlocal now, worked
@@ -102,7 +103,7 @@ def test_calls_of_the_loop_take_a_tenth_of_a_second(monkeypatch):
         now += (seconds_per_step + waiting_per_step) * min(taken, steps)
         return status
 
-    quota = problem.StepQuota(10)
+    quota = engine_module.StepQuota(10)
     used = []
     for _ in range(6):
         used.append(quota.steps)
@@ -147,13 +148,13 @@ JUMP = Automaton(
 
 
 def test_calls_that_end_at_a_collapsed_step_let_no_later_one_take_more_steps(monkeypatch):
-    monkeypatch.setattr(problem, "thread_time", lambda: 0.0)
-    monkeypatch.setattr(problem, "monotonic", lambda: 0.0)
-    quota, collapses = problem.StepQuota(100), []
+    monkeypatch.setattr(engine_module, "thread_time", lambda: 0.0)
+    monkeypatch.setattr(engine_module, "monotonic", lambda: 0.0)
+    quota, collapses = engine_module.StepQuota(100), []
     monkeypatch.setattr(
         simulation,
         "create_engine",
-        lambda of: replace(problem.create_engine(of), quota=quota),
+        lambda of: replace(engine_module.create_engine(of), quota=quota),
     )
     setup = replace(
         systems.problem(JUMP, (), method="dop853"),
@@ -171,7 +172,7 @@ def test_each_collapsed_step_of_a_run_with_perturbations_is_reported(monkeypatch
         collapses = []
 
         def bound(of, steps=steps):
-            return replace(problem.create_engine(of), quota=problem.StepQuota(steps))
+            return replace(engine_module.create_engine(of), quota=engine_module.StepQuota(steps))
 
         monkeypatch.setattr(lyapunov, "create_engine", bound)
         setup = replace(
@@ -187,12 +188,12 @@ def test_each_collapsed_step_of_a_run_with_perturbations_is_reported(monkeypatch
 @pytest.mark.parametrize("engine", ENGINES)
 def test_chunks_of_events_do_not_depend_on_the_speed_of_the_machine(monkeypatch, engine):
     """The rounding errors of statistics depend on them."""
-    monkeypatch.setattr(problem, "CALL_SECONDS", math.inf)
+    monkeypatch.setattr(engine_module, "CALL_SECONDS", math.inf)
     lengths = []
     for steps in (1, 1_000_000):
 
         def bound(of, steps=steps):
-            return replace(problem.create_engine(of), quota=problem.StepQuota(steps))
+            return replace(engine_module.create_engine(of), quota=engine_module.StepQuota(steps))
 
         monkeypatch.setattr(simulation, "create_engine", bound)
         chunks = []

@@ -5,9 +5,9 @@ import pytest
 
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.diagnostics.failures import depends_on_time_only
+from mems_impact.hybrid.engine import LoopMemory, create_engine
 from mems_impact.hybrid.event_loop.event_detection import margin_error_scales, rounding_error
 from mems_impact.hybrid.event_loop.workspace import EPS, TIME_SIZE, table_row
-from mems_impact.hybrid.problem import LoopMemory, create_engine
 from tests.hybrid.systems import problem
 
 # g = y0 - 3 y1 + p t, watched in the only mode; p = (rate,).

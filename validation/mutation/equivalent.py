@@ -35,7 +35,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "TINY_BIAS = 1e-297  # bias of a margin that starts at zero",
     ): "far below the rounding of any margin either way",
     (
-        "mems_impact/hybrid/problem.py",
+        "mems_impact/hybrid/engine.py",
         "self.table = binding.table(workspace.ROWS, max(n, 2 * m, switches))",
         "self.table = binding.table(workspace.ROWS, max(n, 3 * m, switches))",
     ): "a table with room to spare",

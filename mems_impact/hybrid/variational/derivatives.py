@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError, OrbitError
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.problem import EngineBinding, Problem, create_engine
+from mems_impact.hybrid.engine import EngineBinding, create_engine
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.variational.flow import (
     exact_or_not,
     extended_parameters,

@@ -16,7 +16,8 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.problem import EngineBinding, Problem
+from mems_impact.hybrid.engine import EngineBinding
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.variational.tangents import (
     Sizes,
     differences_reason,

@@ -19,14 +19,10 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import RunError
 from mems_impact.hybrid.automaton import unguarded
+from mems_impact.hybrid.engine import EngineBinding, LoopMemory, create_engine
 from mems_impact.hybrid.event_loop import workspace
-from mems_impact.hybrid.problem import (
-    STEPS_PER_PERIOD,
-    EngineBinding,
-    LoopMemory,
-    Problem,
-    create_engine,
-)
+from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import RunError
+from mems_impact.hybrid.engine import EngineBinding, create_engine
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     APPROACH,
@@ -28,7 +29,6 @@ from mems_impact.hybrid.event_loop.workspace import (
     SWITCH,
     TRANSITION,
 )
-from mems_impact.hybrid.problem import EngineBinding, create_engine
 from mems_impact.hybrid.simulation import Trajectory
 from mems_impact.hybrid.variational.flow import (
     exact_or_not,

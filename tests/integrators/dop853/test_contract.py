@@ -9,7 +9,8 @@ import pytest
 from mems_impact.actuator.drives import Sine
 from mems_impact.errors import StiffnessWarning
 from mems_impact.hybrid.automaton import Automaton, Guard
-from mems_impact.hybrid.problem import Problem, create_engine
+from mems_impact.hybrid.engine import create_engine
+from mems_impact.hybrid.problem import Problem
 from mems_impact.integrators import interface
 from mems_impact.integrators.options import Options
 from tests.actuator import machine

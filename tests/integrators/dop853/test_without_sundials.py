@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mems_impact.errors import EngineFallbackWarning, EngineUnavailable
-from mems_impact.hybrid.problem import is_compiled
+from mems_impact.hybrid.engine import is_compiled
 from mems_impact.integrators.cvode import compiled as library
 from mems_impact.integrators.options import METHODS, Options
 from tests.hybrid.systems import BALL, ball, simulate

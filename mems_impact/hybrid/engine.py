@@ -1,0 +1,470 @@
+"""Engines: an integrator bound to the equations of a problem, and the memory of the event loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import import_module
+from time import monotonic, thread_time
+from types import SimpleNamespace
+from typing import Any, Protocol
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact._util.formatting import class_name
+from mems_impact._util.warning_scopes import warn
+from mems_impact.errors import (
+    EngineFallbackWarning,
+    EngineUnavailable,
+    FunctionError,
+    FunctionsMissing,
+)
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.options import FOLDERS, Options
+
+__all__ = ["LoopMemory", "create_engine"]
+
+
+class Engine(Protocol):
+    """Interface of an engine to Python; `integrators.interface` is that to the event loop."""
+
+    @property
+    def implicit_arcs(self) -> int:
+        """Arcs begun so far by the implicit method."""
+
+    def export_memory(self) -> tuple[int, ...]:
+        """Return the method's memory of each mode; empty if it has none."""
+
+    def import_memory(self, memory: tuple[int, ...]) -> None:
+        """Set the method's memory of each mode."""
+
+    def is_stiff(self) -> bool:
+        """Return whether stability, not accuracy, has limited steps; False if unknown."""
+
+    def close(self) -> None:
+        """Free the memory of the engine."""
+
+
+@dataclass(frozen=True)
+class EngineBinding:
+    """An engine for one problem, and calls of functions over `integrators.interface` on it.
+
+    Attributes
+    ----------
+    call : callable
+        ``call(function, *arguments)`` calls `function`, written over
+        `mems_impact.integrators.interface`, with the engine as its first argument; compiled for a
+        compiled engine.
+    raise_fault : callable
+        Raises FunctionError if a function of the automaton has failed in a call by another engine.
+    engine : Engine
+        The engine itself.
+    table : callable
+        ``table(rows, width)`` returns rows of zeros: an array, or for interpreted code lists, which
+        Python reads several times as fast.
+    record : callable
+        ``record(dtype, arrays, numbers)`` returns a record with the fields of `dtype`: zero except
+        for `arrays`, which it does not keep alive, and `numbers`.
+    quota : StepQuota
+        Of each call of the event loop.
+    kernel_addresses : callable
+        ``kernel_addresses(clock, observe, n, count)`` returns the addresses that compiled code of
+        `recurrence` calls, and an object that has to live as long; interpreted, `observe` itself.
+    tangents_reference : callable
+        ``tangents_reference(tangents, n, size)`` returns the address of the compiled function of
+        `mems_impact.hybrid.variational.flow.event_tangents`, and an object that has to live as
+        long; interpreted, the function itself.
+    array_reference : callable
+        Returns the representation of an array in a record: its address, or the array.
+    handle_address : int or Engine
+        Representation of the engine in a record: its address, or the engine.
+    """
+
+    call: Callable[..., Any]
+    raise_fault: Callable[[], None]
+    engine: Engine
+    table: Callable[[int, int], Any]
+    record: Callable[..., Any]
+    quota: StepQuota
+    kernel_addresses: Callable[..., tuple[dict[str, Any], Any]]
+    tangents_reference: Callable[[Callable[..., Any], int, int], tuple[Any, Any]]
+    array_reference: Callable[[Any], Any]
+    handle_address: Any
+
+
+CALL_SECONDS = 0.1  # processor time of a call of a loop
+MAX_CALL_SECONDS = 0.5  # its duration: functions may wait, and threads may be more than cores
+
+
+@dataclass
+class StepQuota:
+    """The number of steps after which a loop returns to Python, adapted to the times above.
+
+    Between calls Python handles Ctrl-C and reports progress. It waits for the global interpreter
+    lock, 5 ms for each thread that computes in Python, in which the core is idle.
+
+    Attributes
+    ----------
+    steps : int
+        Of the next call. At first so few that they take less than a second, whatever a step costs.
+    last : int
+        Of the last call.
+    """
+
+    steps: int
+    last: int = 0
+
+    def call(self, function: Callable[..., int], *arguments: Any) -> int:
+        """Call a function, with the number of steps as its last argument; return its status."""
+        self.last, begin, begin_of_work = self.steps, monotonic(), thread_time()
+        status = function(*arguments, self.steps)
+        growth = min(
+            CALL_SECONDS / max(thread_time() - begin_of_work, 1e-9),
+            MAX_CALL_SECONDS / max(monotonic() - begin, 1e-9),
+        )
+        if growth < 1.0 or status == workspace.PAUSED:  # otherwise it took fewer steps
+            self.steps = max(1, int(self.steps * min(growth, 2.0)))
+        return status
+
+    def discard_growth(self) -> None:
+        """Undo the growth by the last call, which took fewer steps than it could."""
+        self.steps = min(self.steps, self.last)
+
+
+def create_engine(problem: Problem, columns: int = 0) -> EngineBinding:
+    """Create the engine that the problem's options require.
+
+    Margins and transitions take the state without its last `columns` components.
+
+    Raises
+    ------
+    EngineUnavailable
+        If engine="compiled" and the compiled engine is unavailable. With engine="auto" the
+        interpreted engine replaces it, with an `EngineFallbackWarning`.
+    FunctionError
+        If a function cannot be compiled. Later calls raise it if a function fails.
+    FunctionsMissing
+        If the problem has no functions.
+    """
+    if problem.unavailable_reason:
+        raise FunctionsMissing(problem.unavailable_reason)
+    automaton, options = problem.automaton, problem.options
+    equations = Equations(
+        flow=automaton.flow,
+        margins=automaton.margins,
+        transition=automaton.transition,
+        n=len(automaton.states),
+        m=len(automaton.guards),
+        modes=len(automaton.modes),
+        parameters=problem.parameters,
+        approaches=[guard.impact for guard in automaton.guards],
+        section=problem.section,
+        bounds=automaton.bounds,
+        columns=columns,
+    )
+    if not columns and (options.method == "bdf" or (options.method == "auto" and automaton.stiff)):
+        from mems_impact.hybrid.variational.tangents import flow_jacobian, jacobian_memory
+
+        n, count = equations.n, len(problem.parameters)
+        equations = replace(
+            equations,
+            jacobian=flow_jacobian(automaton.flow, n, count),
+            jacobian_memory=jacobian_memory(n, count),
+        )
+    max_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
+    if options.engine in ("auto", "compiled"):
+        try:
+            return _compiled(automaton, equations, available_options(options), max_step)
+        except EngineUnavailable as error:
+            if options.engine == "compiled":
+                raise
+            message = f"{error}; falling back to the interpreted engine, which is far slower"
+            warn(message, EngineFallbackWarning)
+    return _interpreted(automaton, equations, options, max_step)
+
+
+def is_compiled(options: Options) -> bool:
+    """Return whether runs with a problem's `options` are compiled, and release the GIL."""
+    if options.engine == "interpreted":
+        return False
+    try:
+        _module("compiled", available_options(options)).prepare()
+    except EngineUnavailable:
+        return False
+    return True
+
+
+def available_options(options: Options) -> Options:
+    """Return the options, with method "dop853" in place of "auto" if BDF is unavailable."""
+    if options.method == "auto":
+        try:
+            _module("compiled", options).prepare()
+        except EngineUnavailable:
+            return replace(options, method="dop853")
+    return options
+
+
+def _module(form: str, options: Options) -> Any:
+    """Import the "compiled" or "interpreted" module of the method."""
+    return import_module(f"mems_impact.integrators.{FOLDERS[str(options.method)]}.{form}")
+
+
+def _engine_class(form: str, options: Options) -> Any:
+    """Return the class of an engine, such as `CompiledCvode` in ``cvode/compiled.py``."""
+    name = class_name(f"{form}_{FOLDERS[str(options.method)]}")
+    return getattr(_module(form, options), name)
+
+
+def _compiled(
+    automaton: Automaton, equations: Equations, options: Options, max_step: float
+) -> EngineBinding:
+    from mems_impact.hybrid.event_loop import compiled
+    from mems_impact.integrators.jit.kernels import observables_of, tangents_of
+
+    module = _module("compiled", options)
+    module.prepare()
+    try:
+        engine = _engine_class("compiled", options)(equations, options, max_step)
+    except Exception as error:  # numba raises various exceptions
+        if equations.jacobian is not None:  # the flow may refuse numbers with tangents
+            return _compiled(automaton, replace(equations, jacobian=None), options, max_step)
+        from mems_impact.hybrid.diagnostics.failures import explain_compile_error
+
+        function_error = explain_compile_error(automaton, error)
+        if function_error is None:
+            raise
+        raise function_error from error
+
+    def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        result = compiled.compiled(function)(engine.address, *arguments)
+        _raise_fault(engine, automaton)
+        return result
+
+    def table(rows: int, width: int) -> Any:
+        return np.zeros((rows, width))
+
+    def record(dtype: np.dtype[Any], arrays: dict[str, Any], numbers: dict[str, float]) -> Any:
+        result = np.zeros(1, dtype=dtype)[0]
+        for name, array in arrays.items():
+            result[name] = array.ctypes.data
+        for name, number in numbers.items():
+            result[name] = number
+        return result
+
+    def kernel_addresses(
+        clock: Any, observe: Any, n: int, count: int
+    ) -> tuple[dict[str, Any], Any]:
+        kernel = observables_of(observe, n, count) if observe is not None else None
+        addresses = {
+            "advance": compiled.address_of_loop(clock),
+            "observe": kernel.address if kernel is not None else 0,
+        }
+        return addresses, kernel
+
+    def tangents_reference(tangents: Callable[..., Any], n: int, size: int) -> tuple[int, Any]:
+        try:
+            kernel = tangents_of(tangents, n, size)
+        except Exception as error:  # numba raises various exceptions
+            raise FunctionError("an event", f"cannot be compiled: {error}", "") from error
+        return kernel.address, kernel
+
+    def array_reference(array: Any) -> int:
+        return int(array.ctypes.data)
+
+    return EngineBinding(
+        call,
+        partial(_raise_fault, engine, automaton),
+        engine,
+        table,
+        record,
+        StepQuota(100),
+        kernel_addresses,
+        tangents_reference,
+        array_reference,
+        engine.address,
+    )
+
+
+class _Fields(SimpleNamespace):
+    """A record for interpreted code."""
+
+    def __getitem__(self, name: str) -> Any:
+        return getattr(self, name)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        setattr(self, name, value)
+
+
+def _raise_fault(engine: Any, automaton: Automaton) -> None:
+    """Raise FunctionError if a function has failed."""
+    fault = engine.fault()
+    if fault is not None:
+        from mems_impact.hybrid.diagnostics.failures import explain_fault
+
+        raise explain_fault(automaton, np.asarray(engine.parameters).tolist(), fault)
+
+
+def _interpreted(
+    automaton: Automaton, equations: Equations, options: Options, max_step: float
+) -> EngineBinding:
+    engine = _engine_class("interpreted", options)(equations, options, max_step)
+
+    def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        result = function(engine, *arguments)
+        _raise_fault(engine, automaton)
+        return result
+
+    def table(rows: int, width: int) -> Any:
+        return [[0.0] * width for _ in range(rows)]
+
+    def record(dtype: np.dtype[Any], arrays: dict[str, Any], numbers: dict[str, float]) -> Any:
+        # Access to fields of a NumPy record is slow in Python: a third of the run time.
+        return _Fields(**{**dict.fromkeys(dtype.names or (), 0), **arrays, **numbers})
+
+    def kernel_addresses(
+        _clock: Any, observe: Any, _n: int, _count: int
+    ) -> tuple[dict[str, Any], Any]:
+        def checked_observe(*arguments: Any) -> int:
+            try:
+                observe(*arguments)
+            except Exception:  # as compiled code does; the caller repeats the call and reports
+                return 1
+            return 0
+
+        return {"observe": checked_observe}, None
+
+    def tangents_reference(tangents: Callable[..., Any], _n: int, size: int) -> tuple[Any, None]:
+        def checked(mode: Any, code: Any, t: float, y: Any, p: Any, out: Any) -> None:
+            try:
+                tangents(int(mode), int(code), float(t), y, p, out)
+            except Exception:  # as compiled code does; calls of the functions themselves report
+                out[:size] = math.nan
+
+        return checked, None
+
+    return EngineBinding(
+        call,
+        partial(_raise_fault, engine, automaton),
+        engine,
+        table,
+        record,
+        StepQuota(1),
+        kernel_addresses,
+        tangents_reference,
+        lambda array: array,
+        engine,
+    )
+
+
+# --- Memory of the event loop
+
+EVENT_ROWS = 4096  # and one for each guard
+
+
+class LoopMemory:
+    """Clock, table and buffers of the event loop.
+
+    Parameters
+    ----------
+    problem : Problem
+    binding : EngineBinding
+    sample_rows : int
+        Rows of the sample buffer.
+    **numbers
+        Fields of the clock that the problem does not determine.
+
+    Attributes
+    ----------
+    clock : LOOP_STATE
+    table : float array, or lists for interpreted code
+    events, samples : float array
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        binding: EngineBinding,
+        sample_rows: int,
+        **numbers: float,
+    ) -> None:
+        automaton, options = problem.automaton, problem.options
+        n, m = len(automaton.states), len(automaton.guards)
+        switches = len(problem.switches)
+        self._quota = binding.quota
+        section, level, direction = problem.section or (workspace.NONE, 0.0, 0)
+        self.table = binding.table(workspace.ROWS, max(n, 2 * m, switches))
+        self.events = np.empty((EVENT_ROWS + m, workspace.HEAD + 2 * n))
+        self.samples = np.empty((sample_rows, 3 + n))
+        for i, values in (*automaton.rows, (workspace.SWITCHES, problem.switches)):
+            self.table[i][: len(values)] = values
+        self.clock: Any = binding.record(
+            workspace.LOOP_STATE,
+            {"table": self.table, "events": self.events, "samples": self.samples},
+            {
+                "width": len(self.table[0]),
+                "event_rows": EVENT_ROWS + m,
+                "sample_rows": sample_rows,
+                "n": n,
+                "m": m,
+                "switches": switches,
+                "modes": len(automaton.modes),
+                "forced": int(automaton.forced),
+                "clock": workspace.NONE if automaton.clock is None else automaton.clock,
+                "period": problem.period,
+                "scale": problem.time_scale or problem.period,
+                "rtol": options.rtol,
+                "atol": options.atol,
+                "first_arc": 1,
+                "sample_interval": 1,
+                "pending_guard": workspace.NONE,
+                "stop": np.inf,
+                "max_steps": options.max_steps,
+                "max_events": options.max_events,
+                "section": section,
+                "level": level,
+                "direction": direction,
+                **numbers,
+            },
+        )
+
+    def put(self, start: HybridState) -> None:
+        """Write the state, and which guards wait."""
+        self.table[workspace.Y][: len(start.y)] = np.asarray(start.y, dtype=float).tolist()
+        for guard in start.waiting:
+            if guard < self.clock["m"]:  # the state may be that of another system
+                self.table[workspace.WAITING][guard] = 1.0
+
+    @property
+    def waiting(self) -> tuple[int, ...]:
+        """The guards that wait."""
+        flags = self.table[workspace.WAITING][: self.clock["m"]]
+        return tuple(guard for guard, flag in enumerate(flags) if flag == 1.0)
+
+    def take_step_collapse(self) -> tuple[HybridState, float] | None:
+        """Return the start and length of a step collapse, once; None if there is none."""
+        clock, length = self.clock, float(self.clock["collapse_length"])
+        if length == 0.0:
+            return None
+        clock["collapse_length"] = 0.0
+        self._quota.discard_growth()  # the loop returns at a collapse
+        y = np.array(self.table[workspace.COLLAPSE_STATE][: clock["n"]], dtype=float)
+        cycle, mode = int(clock["collapse_cycle"]), int(clock["collapse_mode"])
+        return HybridState(cycle, float(clock["collapse_time"]), mode, y), length
+
+    @property
+    def local(self) -> Floats:
+        """The state with cyclic components relative to their offsets, as functions receive it."""
+        return np.array(self.table[workspace.Y][: self.clock["n"]], dtype=float)
+
+    @property
+    def state(self) -> Floats:
+        """The state, with the offsets of cyclic components added."""
+        return self.local + self.table[workspace.OFFSET][: self.clock["n"]]
