@@ -23,7 +23,7 @@ from mems_impact.actuator.automaton import IMPACTS, device_automaton, device_def
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
-from mems_impact.actuator.drives.imported import ImportedVoltage, ImportedVoltages
+from mems_impact.actuator.drives.imported import VOLTAGES, imported
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.energy_accounting import accounts, sum_of
 from mems_impact.actuator.equations import X2
@@ -158,15 +158,6 @@ class ActuatorSystem(ActuatorNumerics):
             until = self._until, (*units, float(scales.out(1.0, "s")), *sizes), PARAMETER_NAMES
         return self._kinds, source.voltage, source.left_voltage, self.includes_energy, until
 
-    def _with_source(self, model: ExportedModel) -> ExportedModel:
-        """Return a model for export with the source of its generated functions."""
-        from mems_impact.export.generated_source import automaton_with_source
-
-        kinds, voltage, left, summed, until = self._structure
-        definition = device_definition(kinds, voltage, left, summed=summed, until=until)
-        automaton, generated = automaton_with_source(definition, None)
-        return replace(model, automaton=automaton, generated=generated)
-
     def _export_model(
         self,
         inputs: Sequence[str] = (),
@@ -174,11 +165,35 @@ class ActuatorSystem(ActuatorNumerics):
         options: Options | None = None,
     ) -> ExportedModel:
         """Return the system as plain data for export."""
-        if any(name in VOLTAGES for name in inputs):
-            return self._with_imported_voltage(inputs)._export_model(inputs, initial, options)
-        model = self._with_source(super()._export_model(inputs, initial, options))
-        named = self.name or "actuator"
-        return replace(model, name=named, bounds=self._number_bounds)
+        others = tuple(name for name in inputs if name not in VOLTAGES)
+        if len(others) < len(inputs):
+            return self._with_imported_voltage(inputs)._export_model(others, initial, options)
+        from mems_impact.export.generated_source import automaton_with_source
+
+        kinds, voltage, left, summed, until = self._structure
+        definition = device_definition(kinds, voltage, left, summed=summed, until=until)
+        automaton, generated = automaton_with_source(definition, None)
+        voltages = tuple(
+            ExportedNumber(
+                name=name,
+                value=value,
+                unit=self.drive_unit if self.units.scales.named else "",
+                factor=self.units.scales.unit(self.drive_unit),
+                index=self._first_of_drive + index,
+                rate_index=self._first_of_drive + rate,
+            )
+            for name, (index, rate, value) in self.drive.inputs.items()
+        )
+        model = super()._export_model(inputs, initial, options)
+        return replace(
+            model,
+            name=self.name or "actuator",
+            automaton=automaton,
+            generated=generated,
+            numbers=(*model.numbers, *voltages),
+            inputs=(*inputs, *(number.name for number in voltages)),
+            bounds=self._number_bounds,
+        )
 
     @property
     def _number_bounds(self) -> tuple[Bound, ...]:
@@ -200,28 +215,13 @@ class ActuatorSystem(ActuatorNumerics):
             fields = {**type(self.drive).model_fields, **ActuatorParameters.model_fields}
         return limits_of(fields[own]) if own in fields else UNLIMITED
 
-    def _with_imported_voltage(self, inputs: Sequence[str]) -> ImportedSystem:
+    def _with_imported_voltage(self, inputs: Sequence[str]) -> ActuatorSystem:
         """Return the system with voltages as inputs, in place of the drive."""
-        left = self.drive.left_voltage is not None
-        needed = VOLTAGES if left else VOLTAGES[:1]
-        if not left and "left_voltage" in inputs:
-            allowed = "voltage: this drive has no electrode on the left"
-            raise InvalidParameter("inputs", "left_voltage", allowed)
-        if not set(needed) <= set(inputs):
-            allowed = "both voltage and left_voltage: this drive has two electrodes"
-            raise InvalidParameter("inputs", tuple(inputs), allowed)
         if self.source is not self.drive:
             problem = "the device limits the rate of its drive; omit that term"
             raise InvalidParameter("inputs", "voltage", "", problem=problem)
         own = 2.0 * math.pi * math.sqrt(self.actuator.m2 / self.actuator.k)
-        start = float(self.drive.value(0.0))
-        values: dict[str, float] = {"period": min(own, self.drive.time_scale), "level": start}
-        if left:
-            values["left_level"] = float(self.drive.value(0.0, left=True))
-        drive = (ImportedVoltages if left else ImportedVoltage)(**values)
-        system = object.__new__(ImportedSystem)
-        system._put(self.actuator, drive, self._scales)
-        return system
+        return self._with(self.actuator, imported(self.drive, inputs, own), self._scales)
 
     @cached_property
     def _parameter_indices(self) -> Mapping[str, int]:
@@ -347,10 +347,7 @@ def own_functions(drive: Drive) -> dict[str, str]:
     return found
 
 
-# --- Export with voltages as inputs
-
-VOLTAGES = ("voltage", "left_voltage")
-"""The inputs that replace a drive."""
+# --- Bounds of parameters by others
 
 
 def _gap(p: Any) -> Any:
@@ -365,50 +362,6 @@ ORDERED = (
     Bound(name="delta", value=_gap, upper=True, meaning="the gap d"),
     Bound(name="mu_d", value=_static_friction, upper=True, excluded=False, meaning="which is mu_s"),
 )
-"""Bounds of parameters by others."""
-
-
-class ImportedSystem(ActuatorSystem):
-    """An actuator whose voltages are inputs, for export."""
-
-    drive: ImportedVoltage
-
-    def _export_model(
-        self,
-        inputs: Sequence[str] = (),
-        initial: State | Mapping[str, float] | None = None,
-        options: Options | None = None,
-    ) -> ExportedModel:
-        """Return the system as plain data for export."""
-        if self.source is not self.drive:
-            problem = (
-                "the ramps of SlewRate are computed from a known voltage; export without the "
-                "input, or remove the term and let the importer limit the rate"
-            )
-            raise InvalidParameter("inputs", list(inputs), "", problem=problem)
-        others = [name for name in inputs if name not in VOLTAGES]
-        model = self._with_source(HybridSystem._export_model(self, others, initial, options))
-        first = self._first_of_drive
-        unit = self.drive_unit if self.units.scales.named else ""
-        voltages = tuple(
-            ExportedNumber(
-                name=name,
-                value=value,
-                unit=unit,
-                factor=self.units.scales.unit(self.drive_unit),
-                index=first + index,
-                rate_index=first + rate,
-            )
-            for name, (index, rate, value) in self.drive.inputs.items()
-        )
-        own = tuple(number for number in model.numbers if number.name not in self._drive_names)
-        return replace(
-            model,
-            name="actuator",
-            numbers=(*own, *voltages),
-            inputs=(*others, *(number.name for number in voltages)),
-            bounds=self._number_bounds,
-        )
 
 
 @cache

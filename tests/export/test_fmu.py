@@ -284,12 +284,19 @@ def test_every_event_is_that_of_simulate(tmp_path, name, fmi):
             assert float(result[state][-1]) == pytest.approx(run.final[state], abs=1e-5 * span)
 
 
+def far_away(mode, t, y, p):
+    return 100.0 - y.x1
+
+
 @pytest.mark.nightly
 def test_a_voltage_from_outside(tmp_path):
+    """Of a device with energy accounting and a function that ends runs."""
     drive = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
-    path = ZHAO.to_fmu(tmp_path / "device.fmu", drive, inputs=["voltage"])
+    system = ZHAO.under(drive).with_energy().ending(far_away)
+    path = system.to_fmu(tmp_path / "device.fmu", inputs=["voltage"])
     assert problems_of(path) == []
-    run = mi.simulate(ZHAO, drive, periods=12, options=DOP853)
+    run = mi.simulate(system, periods=12, options=DOP853)
+    work = run.trajectory.final.y[system.states.index("sum_of_electrodes")]
     events = run.events[run.events["event"] != "drive switches"]
     stop, rows = 12 * drive.period, [(0.0, 0.3)]
     for period in range(13):
@@ -303,6 +310,7 @@ def test_a_voltage_from_outside(tmp_path):
         assert len(times) == len(events) == 20
         assert np.abs(times - events["t"].to_numpy()).max() < 1e-6
         assert float(result["x2"][-1]) == pytest.approx(run.final["x2"], abs=1e-6)
+        assert float(result["sum_of_electrodes"][-1]) == pytest.approx(work, abs=1e-6)
 
 
 @pytest.mark.slow

@@ -98,6 +98,7 @@ class Drive(Checked, ABC):
     """
 
     units: ClassVar[Mapping[str, str]] = {}
+    inputs: ClassVar[Any] = {}  # of an exported model (see `imported`)
 
     if TYPE_CHECKING:
         # Not at run time: a property of this name would hide fields.

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.actuator.drives.base import Drive, Waveform
+from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameter_base import Number, Positive
+from mems_impact.errors import InvalidParameter
 
-__all__ = ["ImportedVoltage", "ImportedVoltages"]
+__all__ = ["VOLTAGES", "imported"]
+
+VOLTAGES = ("voltage", "left_voltage")
+"""The inputs that replace a drive."""
 
 # The parameters of an imported voltage: its value, its rate, and the time of both.
 LEVEL, RATE, TIME, COUNT = range(4)
@@ -51,6 +57,11 @@ class ImportedVoltage(Drive):
     voltage_rate = staticmethod(_right_rate)
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Empty: the importer sets its numbers."""
+        return ()
+
+    @property
     def switches(self) -> tuple[float, ...]:
         """Empty: the importer knows the switching times."""
         return ()
@@ -69,24 +80,31 @@ class ImportedVoltage(Drive):
 
     @property
     def inputs(self) -> dict[str, tuple[int, int, float]]:
-        """Indices in the parameters of a voltage and its rate, and its initial value, by input."""
-        return {"voltage": (LEVEL, RATE, self.level)}
+        """Indices in the parameters of each voltage and of its rate, and its initial value."""
+        found = {"voltage": (LEVEL, RATE, self.level)}
+        if self.left_voltage is not None:
+            found["left_voltage"] = (COUNT + LEVEL, COUNT + RATE, self.left_level)
+        return found
 
 
 class ImportedVoltages(ImportedVoltage):
     """Voltages at both electrodes that the importer of a model sets at any time."""
 
-    @property
-    def left_voltage(self) -> Waveform:
-        """The voltage at the left electrode."""
-        return _left
+    left_voltage = staticmethod(_left)
+    left_rate = staticmethod(_left_rate)
 
-    @property
-    def left_rate(self) -> Waveform:
-        """Time derivative of the voltage at the left electrode."""
-        return _left_rate
 
-    @property
-    def inputs(self) -> dict[str, tuple[int, int, float]]:
-        """The same for both electrodes."""
-        return {**super().inputs, "left_voltage": (COUNT + LEVEL, COUNT + RATE, self.left_level)}
+def imported(drive: Drive, inputs: Sequence[str], own_period: float) -> ImportedVoltage:
+    """Return the voltages that replace a drive of a device with a period of its own."""
+    left = drive.left_voltage is not None
+    if not left and "left_voltage" in inputs:
+        allowed = "voltage: this drive has no electrode on the left"
+        raise InvalidParameter("inputs", "left_voltage", allowed)
+    if left and not set(VOLTAGES) <= set(inputs):
+        allowed = "both voltage and left_voltage: this drive has two electrodes"
+        raise InvalidParameter("inputs", tuple(inputs), allowed)
+    return (ImportedVoltages if left else ImportedVoltage)(
+        level=float(drive.value(0.0)),
+        left_level=float(drive.value(0.0, left=True)),
+        period=min(own_period, drive.time_scale),
+    )
