@@ -326,10 +326,9 @@ for _name in ("lt", "le", "gt", "ge", "eq", "ne"):
 WEIGHTS = (-1 / 60, 9 / 60, -45 / 60, 0.0, 45 / 60, -9 / 60, 1 / 60)  # of -3 to 3 steps
 
 
-def with_rate(value: Any, rate: Any, like: Any = 0.0) -> Any:
-    """Return a number that changes at a rate, with tangents if another number has some."""
-    is_plain = isinstance(like, Dual) and not isinstance(value, Dual)
-    return Dual(_constant(value, like) if is_plain else value, rate)
+def with_rate(value: Any, rate: Any, _like: Any = 0.0) -> Any:
+    """Return a number that changes at a rate; compiled code gives it the tangents of another."""
+    return Dual(value, rate)
 
 
 def with_rates(values: Any, rates: Any, _memory: Any) -> Any:
