@@ -3,6 +3,7 @@
 ``python -m sphinx docs docs/_build/html``
 """
 
+import re
 import sys
 from pathlib import Path
 
@@ -28,6 +29,7 @@ exclude_patterns = [
     "examples",
     "tutorials",
     "ideas",
+    "names.rst",
     "templates",
     "sg_execution_times.rst",
 ]
@@ -54,7 +56,21 @@ myst_heading_anchors = 3  # links lead to headings, as on a forge
 myst_enable_extensions = ["amsmath", "colon_fence", "dollarmath"]
 
 templates_path = ["templates"]
-autosummary_generate = True
+
+
+def section(block):
+    """Return a section of the reference from one of the list of public names."""
+    title, *text = re.findall("^# (.*)", block, re.MULTILINE)
+    names = re.findall(r"^from .* as (\w+)$", block, re.MULTILINE)
+    options = (".. autosummary::", "   :toctree: reference", "   :nosignatures:")
+    rows = (f"   {name}" for name in names)
+    return "\n".join([title, "-" * len(title), "", *text, "", *options, "", *rows, ""])
+
+
+_, *blocks, _ = Path(mi.__file__).with_name("__init__.pyi").read_text("utf-8").split("\n\n")
+NAMES = Path(__file__).with_name("names.rst")
+NAMES.write_text("\n".join([".. currentmodule:: mems_impact\n", *map(section, blocks)]), "utf-8")
+autosummary_generate = [NAMES.name]
 # `Basins` and `basins` would be one file where case does not count.
 autosummary_filename_map = {
     f"mems_impact.{name}": f"mems_impact.{name}-class"

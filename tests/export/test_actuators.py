@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from mems_impact.actuator.terms import TERM_CLASSES
 from mems_impact.export.c_kinds import INTEGER, REAL, Array
 from mems_impact.export.c_source import CSource
 from mems_impact.export.event_loop_source import HANDLERS
 from mems_impact.export.fmu import FLAGS, find_compiler
 from tests.actuator.waveforms import DRIVES
+from validation.campaign.terms import fitting_term
 
 pytestmark = [
     pytest.mark.slow,
@@ -23,42 +25,17 @@ BOTH = mi.TwoSided(
     right=mi.Square(amplitude=60.0, frequency=100.0),
     left=mi.Square(amplitude=60.0, frequency=100.0, phase=3.0),
 )
-TABLE = np.linspace(-2.6e-6, 2.6e-6, 13)
-TERMS = [
-    mi.Adhesion(force=1e-6),
-    mi.ChargeDrive(parasitic_capacitance=1e-14),
-    mi.CombDrive(fingers=100, gap=2e-6, thickness=20e-6, overlap=30e-6),
-    mi.CompliantStopper(stiffness=1e5, damping=1e-3, exponent=1.5),
-    mi.CubicStiffness(k3=1e9),
-    mi.DielectricCharging(share=0.1, time=1e-2),
-    mi.FrameForce(force=1e-6),
-    mi.FrameSpring(k1=1.0),
-    mi.Fringing(width=1e-3),
-    mi.PowerLawRestitution(speed=1e-3),
-    mi.RegularizedFriction(width=1e-4),
-    mi.SeriesResistance(resistance=1e9, parasitic_capacitance=1e-12, current_limit=1e-9),
-    mi.SlewRate(rate=3e4),
-    mi.SqueezeFilm(
-        length=2e-4, width=1e-4, pressure=1e5, viscosity=1.82e-5, free_path_pressure=6.7e-3
-    ),
-    mi.StribeckFriction(speed=1e-3, viscous=0.1),
-    mi.TabulatedCapacitance(
-        positions=tuple(TABLE), capacitances=tuple(2.0 * MITA.alpha / (MITA.d - TABLE))
-    ),
-    mi.TabulatedRestitution(speeds=(0.0, 1e-2, 1.0), values=(0.9, 0.7, 0.5)),
-    mi.TabulatedSpring(positions=tuple(TABLE), forces=tuple(MITA.k * TABLE + 1e11 * TABLE**3)),
-    mi.Tilt(angle=0.1),
-    mi.TiltedPlate(length=2e-4, angle=0.01),
-]
 SYSTEMS = {name: ZHAO.under(drive) for name, drive in DRIVES.items()}
 CHARGES = mi.TwoSided(
     right=mi.Square(amplitude="2 pC", frequency=100.0),
     left=mi.Square(amplitude="2 pC", frequency=100.0, phase=3.0),
 )
-SYSTEMS |= {
-    term.name(): MITA.adding(term).under(CHARGES if term.drive_unit == "C" else BOTH)
-    for term in TERMS
-}
+LIMIT = mi.SeriesResistance(resistance=1e9, parasitic_capacitance=1e-12, current_limit=1e-9)
+for name, term in {
+    "limit": LIMIT,
+    **{each: fitting_term(each, MITA) for each in TERM_CLASSES},
+}.items():
+    SYSTEMS[name] = MITA.adding(term).under(CHARGES if term.drive_unit == "C" else BOTH)
 
 EXPORTS = """
 #include "arithmetic.h"

@@ -8,7 +8,6 @@ along it is what they store and lose.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -38,12 +37,11 @@ from validation.campaign.integrating import (
 )
 from validation.judges import with_terms
 from validation.judges.heyoka_full import Piece
-from validation.judges.with_terms import LEFT_SOURCE, RIGHT_SOURCE, Device, volts
+from validation.judges.with_terms import LEFT_SOURCE, RIGHT_SOURCE, TERMS, Device, decades, volts
 
 COMPILED = 25  # one case in so many runs on the compiled engine, which takes seconds to make
 COMBINATIONS = 8  # of terms, compiled
 LIKELY = 0.35  # how likely a case has each term
-POINTS = 9  # of a table over the position
 SWITCHES = 30  # of a drive in a run, at most
 BALANCED = 1e-8  # energy that may be missing, by what was turned over
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
@@ -52,145 +50,9 @@ Values = dict[str, Any]
 Rng = np.random.Generator
 
 
-def decades(rng: Rng, low: float, high: float) -> float:
-    return float(10.0 ** rng.uniform(low, high))
-
-
-def _film(rng: Rng, p: Values) -> Values:
-    length = rng.uniform(0.3, 1.5)
-    width = length * rng.uniform(0.2, 1.0)
-    pressure = decades(rng, -1.5, 0.5)
-    knudsen = float(rng.choice([0.0, decades(rng, -3.0, 0.3)]))
-    slowest = 1.0 / (math.pi**2 * (1.0 / length**2 + 1.0 / width**2))
-    thinned = 1.0 + 9.638 * knudsen**1.159
-    viscosity = pressure * p["d"] ** 2 * thinned / (12.0 * slowest * decades(rng, -0.7, 0.9))
-    return {
-        "length": length,
-        "width": width,
-        "pressure": pressure,
-        "viscosity": viscosity,
-        "free_path_pressure": knudsen * pressure * p["d"],
-        "sides": str(rng.choice(["right", "both"])),
-        "modes": int(rng.choice([1, 2], p=[0.8, 0.2])),
-    }
-
-
-def _stopper(rng: Rng, p: Values) -> Values:
-    return {
-        "stiffness": p["k"] * decades(rng, 2.0, 4.0),
-        "exponent": float(rng.choice([1.0, 1.5, rng.uniform(1.0, 2.0)])),
-        "damping": rng.uniform(0.0, 1.0),
-        "depth": 0.1 * p["delta"],
-    }
-
-
-def _resistance(rng: Rng, p: Values) -> Values:
-    own = 2.0 * p["alpha"] / p["d"]
-    parasitic = float(rng.choice([0.0, rng.uniform(0.0, 2.0)])) * own
-    return {"resistance": decades(rng, -1.3, 1.0) / own, "parasitic_capacitance": parasitic}
-
-
-def _fringing(rng: Rng, p: Values) -> Values:
-    least = 2.0 * (p["d"] + p["delta"])
-    found = {"width": least * rng.uniform(1.01, 4.0)}
-    if rng.random() < 0.5:
-        found["length"] = least * rng.uniform(1.01, 4.0)
-    return found
-
-
-def _table(rng: Rng, p: Values) -> Values:
-    count = int(rng.integers(2, 6))
-    speeds = p["delta"] * (0.02 + np.cumsum(rng.uniform(0.05, 0.6, count)))
-    values = rng.uniform(0.1, 0.95, count)
-    return {"speeds": tuple(speeds.tolist()), "values": tuple(values.tolist())}
-
-
-def _sides(rng: Rng) -> str:
-    return str(rng.choice(["both", "right", "left"]))
-
-
-def _comb(rng: Rng, p: Values) -> Values:
-    gap, thickness = rng.uniform(0.1, 1.0, 2)
-    return {
-        "fingers": float(rng.integers(1, 9)),
-        "gap": gap,
-        "thickness": thickness,
-        "overlap": p["d"] * rng.uniform(1.0, 2.0),
-        "permittivity": p["alpha"] * decades(rng, -1.0, 0.5) * gap / thickness,
-        "sides": _sides(rng),
-    }
-
-
-def _points(rng: Rng, p: Values) -> Floats:
-    points: Floats = p["d"] * np.linspace(-1.0, 1.0, POINTS) + rng.uniform(-0.05, 0.05, POINTS)
-    return points
-
-
-def _capacitances(rng: Rng, p: Values) -> Values:
-    x = _points(rng, p)
-    curve = 1.0 + rng.uniform(0.3, 0.5) * x + rng.uniform(-0.05, 0.1) * x**2 + 0.02 * x**3
-    values = 2.0 * p["alpha"] / p["d"] * curve
-    return {
-        "positions": tuple(x.tolist()),
-        "capacitances": tuple(values.tolist()),
-        "sides": _sides(rng),
-    }
-
-
-def _forces(rng: Rng, p: Values) -> Values:
-    x = _points(rng, p)
-    forces = p["k"] * (0.02 + x + rng.uniform(-0.1, 0.1) * x**2 + rng.uniform(-0.2, 0.5) * x**3)
-    return {"positions": tuple(x.tolist()), "forces": tuple(forces.tolist())}
-
-
-def _tilted(rng: Rng, p: Values) -> Values:
-    length, share = rng.uniform(1.0, 9.0), rng.uniform(-0.3, 0.3)
-    angle = 2.0 * share * (p["d"] - p["delta"]) / length
-    return {"angle": angle, "length": length, "sides": _sides(rng)}
-
-
-DRAW: dict[str, Callable[[Rng, Values], Values]] = {
-    "tilt": lambda rng, p: {"angle": rng.uniform(-0.3, 0.3)},
-    "cubic_stiffness": lambda rng, p: {"k3": rng.uniform(-0.5, 2.0)},
-    "frame_force": lambda rng, p: {
-        "force": p["mu_s"] * (p["m1"] + p["m2"]) * p["g"] * rng.uniform(-0.8, 0.8)
-    },
-    "frame_spring": lambda rng, p: {"k1": decades(rng, -2.0, 0.5)},
-    "squeeze_film": _film,
-    "series_resistance": _resistance,
-    "charge_drive": lambda rng, p: {
-        "parasitic_capacitance": _resistance(rng, p)["parasitic_capacitance"]
-    },
-    "fringing": _fringing,
-    "dielectric_charging": lambda rng, p: {
-        "share": rng.uniform(-0.5, 0.9),
-        "time": decades(rng, 0.0, 2.0),
-    },
-    "adhesion": lambda rng, p: {"force": p["k"] * p["delta"] * decades(rng, -2.0, -0.1)},
-    "compliant_stopper": _stopper,
-    "power_law_restitution": lambda rng, p: {
-        "speed": p["delta"] * decades(rng, -1.5, 0.5),
-        "exponent": rng.uniform(0.0, 1.0),
-    },
-    "comb_drive": _comb,
-    "tabulated_capacitance": _capacitances,
-    "tabulated_restitution": _table,
-    "tabulated_spring": _forces,
-    "tilted_plate": _tilted,
-    "stribeck_friction": lambda rng, p: {
-        "speed": decades(rng, -2.0, 0.0),
-        "viscous": float(rng.choice([0.0, decades(rng, -3.0, -1.0)])),
-    },
-    "regularized_friction": lambda rng, p: {
-        "width": p["mu_d"] * (1.0 + p["m2"] / p["m1"]) * p["g"] / decades(rng, 0.5, 2.0)
-    },
-}
-"""Values of each term: dimensionless, for a device whose k, m2 and d are of order one."""
-
-
-def unjudged() -> list[str]:
-    """Return the terms that no case can have, since nothing here knows them."""
-    return [name for name in TERM_CLASSES if name not in DRAW or name not in with_terms.KNOWN]
+JUDGED = [
+    name for name in TERM_CLASSES if name in TERMS and TERMS[name].places is not None
+]  # fmt: skip
 
 
 class Drawn:
@@ -202,11 +64,10 @@ class Drawn:
         kinds = rng
         if self.compiled:  # of few shapes, each of which has to be compiled
             kinds = np.random.default_rng([7, number // COMPILED % COMBINATIONS])
-        known = [name for name in TERM_CLASSES if name not in unjudged()]
-        chosen = _one_of_each([name for name in known if kinds.random() < LIKELY], kinds)
-        chosen = chosen or [str(kinds.choice(known))]
+        chosen = _one_of_each([name for name in JUDGED if kinds.random() < LIKELY], kinds)
+        chosen = chosen or [str(kinds.choice(JUDGED))]
         self.device = _device(rng)
-        self.terms = {name: DRAW[name](rng, self.device) for name in chosen}
+        self.terms = {name: TERMS[name].draw(rng, self.device) for name in chosen}
         if self.compiled and "squeeze_film" in chosen:
             self.terms["squeeze_film"] |= {"sides": "both", "modes": 1}
         if self.compiled:
@@ -232,6 +93,12 @@ class Drawn:
         """The case as the package has it."""
         terms = tuple(term_of(name, values) for name, values in self.terms.items())
         return mi.Actuator(**self.device, terms=terms).under(self.drive.build())
+
+
+def fitting_term(name: str, device: mi.Actuator, seed: int = 0) -> mi.Term:
+    """Return a term of random numbers that fits a device with units."""
+    values = TERMS[name].draw(np.random.default_rng(seed), dict(device.to_dimensionless()))
+    return term_of(name, values).unscaled(device.scales)
 
 
 def _one_of_each(names: list[str], rng: Rng) -> list[str]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -24,6 +24,7 @@ from validation.judges.heyoka_full import Piece, Source
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Any]
+Rng = np.random.Generator
 
 RIGHT, LEFT, RELEASE, SLIP_END, BREAK_AWAY = range(5)
 NAMES = (
@@ -47,6 +48,7 @@ PLATE, COMB, CURVED, WEDGED = range(4)  # kinds of electrodes
 RIGHT_SOURCE, LEFT_SOURCE, END = (50 + i * len(Source._fields) for i in range(3))
 STEP = 3e-4  # of differences along the flow
 LAST = 1000  # terms of sums that have no end
+POINTS = 9  # of a table over the position
 
 
 @njit(cache=True)
@@ -246,7 +248,7 @@ class Device:
     def __init__(
         self, device: Values, terms: Mapping[str, Values], pieces: Callable[[float], Piece]
     ) -> None:
-        unknown = set(terms) - set(KNOWN)
+        unknown = {name for name in terms if name not in TERMS or TERMS[name].places is None}
         if unknown:
             raise NotImplementedError(f"no equations of {', '.join(sorted(unknown))}")
         p = np.zeros(END)
@@ -274,7 +276,7 @@ class Device:
             for column, first in (("capacitances", CURVE), ("forces", SPRING)):
                 if column in values:  # tables of the campaign are those of cubic polynomials
                     p[first : first + 4] = np.polyfit(values["positions"], values[column], 3)[::-1]
-            for field, place in KNOWN[name].items():
+            for field, place in (TERMS[name].places or {}).items():
                 if values.get(field) is not None:
                     p[PLACE[place]] = values[field]
         self.p, self.pieces = p, pieces
@@ -369,37 +371,188 @@ class Device:
         return float(p[E] / fallen ** (0.5 * p[FALL]))
 
 
-KNOWN: dict[str, dict[str, str]] = {
-    "tilt": {"angle": "angle"},
-    "cubic_stiffness": {"k3": "k3"},
-    "frame_force": {"force": "load"},
-    "frame_spring": {"k1": "k1"},
-    "squeeze_film": {
-        "pressure": "ambient",
-        "viscosity": "viscosity",
-        "free_path_pressure": "path",
-    },
-    "series_resistance": {"resistance": "resistance", "parasitic_capacitance": "parasitic"},
-    "charge_drive": {"parasitic_capacitance": "parasitic"},
-    "fringing": {"width": "fringe width", "length": "fringe length"},
-    "dielectric_charging": {"share": "trapped", "time": "trapping"},
-    "adhesion": {"force": "adhesion"},
-    "power_law_restitution": {"speed": "yielding", "exponent": "yielding exponent"},
-    "comb_drive": {"overlap": "comb overlap"},
-    "tabulated_capacitance": {},
-    "tabulated_restitution": {},
-    "tabulated_spring": {},
-    "tilted_plate": {},
-    "stribeck_friction": {"speed": "stribeck", "viscous": "viscous"},
-    "regularized_friction": {"width": "creeping"},
-    "compliant_stopper": {
-        "stiffness": "stopper",
-        "exponent": "exponent",
-        "damping": "stopper damping",
-        "depth": "stopper depth",
-    },
+def decades(rng: Rng, low: float, high: float) -> float:
+    return float(10.0 ** rng.uniform(low, high))
+
+
+def random_film(rng: Rng, p: Values) -> dict[str, Any]:
+    length = rng.uniform(0.3, 1.5)
+    width = length * rng.uniform(0.2, 1.0)
+    pressure = decades(rng, -1.5, 0.5)
+    knudsen = float(rng.choice([0.0, decades(rng, -3.0, 0.3)]))
+    slowest = 1.0 / (math.pi**2 * (1.0 / length**2 + 1.0 / width**2))
+    thinned = 1.0 + 9.638 * knudsen**1.159
+    viscosity = pressure * p["d"] ** 2 * thinned / (12.0 * slowest * decades(rng, -0.7, 0.9))
+    return {
+        "length": length,
+        "width": width,
+        "pressure": pressure,
+        "viscosity": viscosity,
+        "free_path_pressure": knudsen * pressure * p["d"],
+        "sides": str(rng.choice(["right", "both"])),
+        "modes": int(rng.choice([1, 2], p=[0.8, 0.2])),
+    }
+
+
+def random_stopper(rng: Rng, p: Values) -> dict[str, Any]:
+    return {
+        "stiffness": p["k"] * decades(rng, 2.0, 4.0),
+        "exponent": float(rng.choice([1.0, 1.5, rng.uniform(1.0, 2.0)])),
+        "damping": rng.uniform(0.0, 1.0),
+        "depth": 0.1 * p["delta"],
+    }
+
+
+def random_resistance(rng: Rng, p: Values) -> dict[str, Any]:
+    own = 2.0 * p["alpha"] / p["d"]
+    parasitic = float(rng.choice([0.0, rng.uniform(0.0, 2.0)])) * own
+    return {"resistance": decades(rng, -1.3, 1.0) / own, "parasitic_capacitance": parasitic}
+
+
+def random_fringing(rng: Rng, p: Values) -> dict[str, Any]:
+    least = 2.0 * (p["d"] + p["delta"])
+    found = {"width": least * rng.uniform(1.01, 4.0)}
+    if rng.random() < 0.5:
+        found["length"] = least * rng.uniform(1.01, 4.0)
+    return found
+
+
+def random_table(rng: Rng, p: Values) -> dict[str, Any]:
+    count = int(rng.integers(2, 6))
+    speeds = p["delta"] * (0.02 + np.cumsum(rng.uniform(0.05, 0.6, count)))
+    values = rng.uniform(0.1, 0.95, count)
+    return {"speeds": tuple(speeds.tolist()), "values": tuple(values.tolist())}
+
+
+def random_sides(rng: Rng) -> str:
+    return str(rng.choice(["both", "right", "left"]))
+
+
+def random_comb(rng: Rng, p: Values) -> dict[str, Any]:
+    gap, thickness = rng.uniform(0.1, 1.0, 2)
+    return {
+        "fingers": float(rng.integers(1, 9)),
+        "gap": gap,
+        "thickness": thickness,
+        "overlap": p["d"] * rng.uniform(1.0, 2.0),
+        "permittivity": p["alpha"] * decades(rng, -1.0, 0.5) * gap / thickness,
+        "sides": random_sides(rng),
+    }
+
+
+def random_points(rng: Rng, p: Values) -> Floats:
+    points: Floats = p["d"] * np.linspace(-1.0, 1.0, POINTS) + rng.uniform(-0.05, 0.05, POINTS)
+    return points
+
+
+def random_capacitances(rng: Rng, p: Values) -> dict[str, Any]:
+    x = random_points(rng, p)
+    curve = 1.0 + rng.uniform(0.3, 0.5) * x + rng.uniform(-0.05, 0.1) * x**2 + 0.02 * x**3
+    values = 2.0 * p["alpha"] / p["d"] * curve
+    return {
+        "positions": tuple(x.tolist()),
+        "capacitances": tuple(values.tolist()),
+        "sides": random_sides(rng),
+    }
+
+
+def random_forces(rng: Rng, p: Values) -> dict[str, Any]:
+    x = random_points(rng, p)
+    forces = p["k"] * (0.02 + x + rng.uniform(-0.1, 0.1) * x**2 + rng.uniform(-0.2, 0.5) * x**3)
+    return {"positions": tuple(x.tolist()), "forces": tuple(forces.tolist())}
+
+
+def random_tilted_plate(rng: Rng, p: Values) -> dict[str, Any]:
+    length, share = rng.uniform(1.0, 9.0), rng.uniform(-0.3, 0.3)
+    angle = 2.0 * share * (p["d"] - p["delta"]) / length
+    return {"angle": angle, "length": length, "sides": random_sides(rng)}
+
+
+class JudgedTerm(NamedTuple):
+    """A term and its equations.
+
+    Attributes
+    ----------
+    draw : callable
+        ``draw(rng, p)``, random values: dimensionless, for a device whose k, m2 and d are of order
+        one.
+    places : mapping of str to str or None
+        The numbers above that its fields are; None of a term that changes the source only.
+    """
+
+    draw: Callable[[Rng, Values], dict[str, Any]]
+    places: Mapping[str, str] | None
+
+
+TERMS = {
+    "tilt": JudgedTerm(lambda rng, p: {"angle": rng.uniform(-0.3, 0.3)}, {"angle": "angle"}),
+    "cubic_stiffness": JudgedTerm(lambda rng, p: {"k3": rng.uniform(-0.5, 2.0)}, {"k3": "k3"}),
+    "frame_force": JudgedTerm(
+        lambda rng, p: {"force": p["mu_s"] * (p["m1"] + p["m2"]) * p["g"] * rng.uniform(-0.8, 0.8)},
+        {"force": "load"},
+    ),
+    "frame_spring": JudgedTerm(lambda rng, p: {"k1": decades(rng, -2.0, 0.5)}, {"k1": "k1"}),
+    "squeeze_film": JudgedTerm(
+        random_film, {"pressure": "ambient", "viscosity": "viscosity", "free_path_pressure": "path"}
+    ),
+    "series_resistance": JudgedTerm(
+        random_resistance, {"resistance": "resistance", "parasitic_capacitance": "parasitic"}
+    ),
+    "charge_drive": JudgedTerm(
+        lambda rng, p: {
+            "parasitic_capacitance": random_resistance(rng, p)["parasitic_capacitance"]
+        },
+        {"parasitic_capacitance": "parasitic"},
+    ),
+    "fringing": JudgedTerm(random_fringing, {"width": "fringe width", "length": "fringe length"}),
+    "dielectric_charging": JudgedTerm(
+        lambda rng, p: {
+            "share": rng.uniform(-0.5, 0.9),
+            "time": decades(rng, 0.0, 2.0),
+        },
+        {"share": "trapped", "time": "trapping"},
+    ),
+    "adhesion": JudgedTerm(
+        lambda rng, p: {"force": p["k"] * p["delta"] * decades(rng, -2.0, -0.1)},
+        {"force": "adhesion"},
+    ),
+    "compliant_stopper": JudgedTerm(
+        random_stopper,
+        {
+            "stiffness": "stopper",
+            "exponent": "exponent",
+            "damping": "stopper damping",
+            "depth": "stopper depth",
+        },
+    ),
+    "power_law_restitution": JudgedTerm(
+        lambda rng, p: {
+            "speed": p["delta"] * decades(rng, -1.5, 0.5),
+            "exponent": rng.uniform(0.0, 1.0),
+        },
+        {"speed": "yielding", "exponent": "yielding exponent"},
+    ),
+    "comb_drive": JudgedTerm(random_comb, {"overlap": "comb overlap"}),
+    "tabulated_capacitance": JudgedTerm(random_capacitances, {}),
+    "tabulated_restitution": JudgedTerm(random_table, {}),
+    "tabulated_spring": JudgedTerm(random_forces, {}),
+    "tilted_plate": JudgedTerm(random_tilted_plate, {}),
+    "stribeck_friction": JudgedTerm(
+        lambda rng, p: {
+            "speed": decades(rng, -2.0, 0.0),
+            "viscous": float(rng.choice([0.0, decades(rng, -3.0, -1.0)])),
+        },
+        {"speed": "stribeck", "viscous": "viscous"},
+    ),
+    "regularized_friction": JudgedTerm(
+        lambda rng, p: {
+            "width": p["mu_d"] * (1.0 + p["m2"] / p["m1"]) * p["g"] / decades(rng, 0.5, 2.0)
+        },
+        {"width": "creeping"},
+    ),
+    "slew_rate": JudgedTerm(lambda rng, p: {"rate": decades(rng, -1.0, 1.0)}, None),
 }
-"""Terms whose equations stand above, and where their fields go."""
+"""All terms."""
 
 KINDS = {"comb_drive": COMB, "tabulated_capacitance": CURVED, "tilted_plate": WEDGED}
 
