@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import mems_impact as mi
 from mems_impact.actuator import equations as eq
@@ -19,7 +18,6 @@ from mems_impact.actuator.automaton import (
     RIGHT_IMPACT,
     SLIP_END,
     STUCK,
-    direction_of,
     mode_of,
     side_of,
 )
@@ -198,30 +196,6 @@ def test_break_away_exactly_at_the_static_limit(ratio, engine):
     assert c * v2 + x2 == pytest.approx(limit, abs=1e-13)
 
 
-def test_slips_follow_an_independent_integration():
-    """Many break-aways, reversals and ends of slips against a smooth piecewise solution."""
-    actuator, drive = icy(0.002, 0.001), Sine(amplitude=0.25, omega=0.8)
-    p = parameters(actuator, drive)
-    run_ = simulate(actuator, drive, [0.0, 0.0, 0.2, 0.0], 6.0, rtol=1e-11, atol=1e-13)
-    events = run_.events[(run_.events.kind == workspace.TRANSITION)]
-    assert {SLIP_END, BREAK_AWAY} <= set(events.guard.tolist())
-    t0, y, mode = 0.0, run_.start.y, run_.start.mode
-    for i in range(len(events)):
-        t1 = events.cycle[i] * run_.period + events.time[i]
-
-        def flow(t, y, mode=mode):
-            direction = direction_of(mode)
-            pull = eq.attraction(y[2], drive.voltage(t, drive.parameters()), p)
-            load = eq.load(y[2], y[3], pull, p)
-            a1 = eq.frame_acceleration(direction, load, p)
-            return [y[1], a1, y[3], eq.block_acceleration(direction, load, p)]
-
-        if t1 > t0:
-            y = solve_ivp(flow, (t0, t1), y, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-        np.testing.assert_allclose(y, events.before[i], rtol=0, atol=1e-9)
-        t0, y, mode = t1, events.after[i], events.mode_after[i]
-
-
 @pytest.mark.parametrize("engine", ENGINES)
 def test_slip_reversal_at_zero_velocity(engine):
     """A load beyond the static limit turns the frame round without a stop."""
@@ -232,16 +206,6 @@ def test_slip_reversal_at_zero_velocity(engine):
     assert first.mode_before[0] == mode_of(BACKWARD, FREE)
     assert first.mode_after[0] == mode_of(FORWARD, FREE)
     assert first.after[0, 1] == 0.0
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_without_friction_the_momentum_stays(engine):
-    actuator, drive = icy(0.0), Sine(amplitude=0.3, omega=0.7)
-    run_ = simulate(actuator, drive, [0.0, 0.1, 0.3, 0.0], 6.0, engine=engine)
-    y = np.vstack([run_.events.before, run_.events.after])
-    momentum = ZHAO.m1 * y[:, 1] + ZHAO.m2 * (y[:, 1] + y[:, 3])
-    assert momentum == pytest.approx(0.6, abs=1e-8)
-    assert not np.any(run_.events.mode_after % 3 == STUCK)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

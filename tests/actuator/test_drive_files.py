@@ -1,9 +1,7 @@
 """Drives from TOML and CSV files."""
 
-import contextlib
 import math
 
-import numpy as np
 import pytest
 
 import mems_impact as mi
@@ -70,17 +68,6 @@ def test_load(folder, name):
     drive = mi.load(written(folder, f'name = "x"\n[drive]\n{text}\n'), allow_code=True)
     assert type(drive) is kind
     assert mi.load(str(folder / "drive.toml"), allow_code=True).period == drive.period
-
-
-@pytest.mark.nightly
-def test_the_values_arrive(folder):
-    drive = mi.load(written(folder, "[drive]\n" + FILES["burst"][0]))
-    assert drive == mi.Burst(wave=mi.Sine(amplitude=0.2, omega=1), on=3, off=2)
-    custom = mi.load(written(folder, "[drive]\n" + FILES["custom"][0]), allow_code=True)
-    assert custom.value([0.0, math.pi]).tolist() == [0.2, -0.2]
-    run = mi.simulate(mi.load_actuator("zhao2004"), custom, 1)
-    sine = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=1), 1)
-    assert run.final.x2 == pytest.approx(sine.final.x2, abs=1e-12)
 
 
 def test_csv(folder):
@@ -281,19 +268,6 @@ def test_bad_csv(folder, text, words):
 def test_bad_paths(folder, path):
     with pytest.raises((mi.InvalidFile, mi.InvalidParameter)):
         mi.load(path)
-
-
-def test_fuzzed_bytes(folder):
-    """Whatever the bytes are, it is a drive or one of the two errors."""
-    text = ("[drive]\n" + FILES["burst"][0]).encode()
-    generator = np.random.default_rng(7)
-    for _ in range(300):
-        raw = bytearray(text)
-        for _ in range(generator.integers(1, 4)):
-            raw[generator.integers(len(raw))] = generator.integers(256)
-        (folder / "fuzz.toml").write_bytes(bytes(raw))
-        with contextlib.suppress(mi.InvalidFile, mi.InvalidParameter):
-            assert isinstance(mi.load(folder / "fuzz.toml"), mi.Drive)
 
 
 RECORD = [(t / 20.0, 2.0 + math.sin(math.pi * t / 10.0)) for t in range(-10, 11)]

@@ -9,7 +9,6 @@ import mems_impact as mi
 from tests.actuator.waveforms import DRIVES, cosine, cosine_rate
 
 ZHAO = mi.load_actuator("zhao2004")
-FINE = mi.Options(rtol=1e-12, atol=1e-13)
 SHARP = mi.Options(rtol=1e-10, atol=1e-12)
 KICK = mi.State(v2=0.5)
 # For motions that are compared with each other: less time than the compilation of each drive.
@@ -36,29 +35,6 @@ def swapped(run):
     return run.final.x1, run.final.v1, run.final.x2, run.final.v2
 
 
-PAIRS = {
-    "pulses": (mi.Pulse(amplitude=0.33, period=12, width=4),
-               mi.Pulse(amplitude=0.2, period=12, width=3, rise=0.3, phase=2.0)),
-    "sine against nothing": (mi.Sine(amplitude=0.24, omega=0.5), mi.Sine(amplitude=0, omega=0.5)),
-}  # fmt: skip
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", PAIRS)
-def test_mirrored_voltages_give_mirrored_motion(name):
-    right, left = PAIRS[name]
-    one = mi.simulate(ZHAO, mi.TwoSided(right=right, left=left), 60, initial=KICK, options=SHARP)
-    other = mi.simulate(
-        ZHAO, mi.TwoSided(right=left, left=right), 60, initial=mi.State(v2=-0.5), options=SHARP
-    )
-    assert len(one.impacts) == len(other.impacts) > 30
-    np.testing.assert_allclose(swapped(one), -np.array(swapped(other)), rtol=0, atol=1e-9)
-    columns = ["v1 before", "v1 after", "v2 before", "v2 after", "x1"]
-    np.testing.assert_allclose(one.impacts[columns], -other.impacts[columns], rtol=0, atol=1e-9)
-    assert one.final.x1 > 1e-3
-    assert other.final.x1 < -1e-3
-
-
 @pytest.mark.slow
 def test_half_a_period_later_on_the_other_side():
     """Right at phase 0 and left half a period later, then the other way round."""
@@ -83,37 +59,6 @@ def test_two_sided_with_nothing_on_the_left_is_one_sided():
     np.testing.assert_allclose(swapped(one), swapped(two), rtol=0, atol=1e-12)
 
 
-@pytest.mark.nightly
-def test_resting_on_the_left_stopper():
-    """Held by its own electrode, released where the voltage falls to what the spring needs."""
-    holding = math.sqrt(ZHAO.k * ZHAO.delta / ZHAO.alpha) * (ZHAO.d - ZHAO.delta)
-    left = mi.Pulse(amplitude=0.4, period=40.0, width=20.0, fall=10.0)
-    pair = mi.TwoSided(right=left.replace(amplitude=0.0), left=left)
-    run = mi.simulate(ZHAO, pair, 1, initial=mi.State(x2=-ZHAO.delta))
-    release = run.events[run.events["event"] == "release"].iloc[0]
-    assert release["mode before"] == "stuck-left"
-    assert release["time"] == pytest.approx(20.0 + 10.0 * (1.0 - holding / 0.4), abs=1e-11)
-
-
-@pytest.mark.parametrize("wave", ["sine", "square"])
-@pytest.mark.nightly
-def test_after_a_burst_the_block_rings_down(wave):
-    drive = mi.Burst(wave=DRIVES[wave].replace(amplitude=0.15), on=4, off=6)
-    run = mi.simulate(ZHAO, drive, 1, options=FINE)
-    assert run.impacts.empty
-    end = run.events[run.events["event"] == "drive switches"].iloc[-1]
-    assert end["time"] == drive.length
-    decay = 0.5 * ZHAO.c / ZHAO.m2
-    damped = math.sqrt(ZHAO.k / ZHAO.m2 - decay**2)
-    samples = run.samples(1000)
-    ringing = samples[samples["t"] >= drive.length]
-    t = ringing["t"].to_numpy() - drive.length
-    a, b = end["x2"], (end["v2"] + decay * end["x2"]) / damped
-    exact = np.exp(-decay * t) * (a * np.cos(damped * t) + b * np.sin(damped * t))
-    assert math.hypot(a, b) > 0.01
-    np.testing.assert_allclose(ringing["x2"], exact, rtol=0, atol=1e-9)
-
-
 def test_a_burst_is_its_wave_while_it_lasts():
     wave = mi.Square(amplitude=0.3, omega=0.5, duty=0.3, phase=1.0)
     burst = mi.Burst(wave=wave, on=7, off=5)
@@ -122,17 +67,6 @@ def test_a_burst_is_its_wave_while_it_lasts():
     cut = mi.simulate(ZHAO, burst, 6.5 / 12, initial=KICK, options=options)
     assert len(plain.impacts) == len(cut.impacts) > 3
     np.testing.assert_allclose(swapped(plain), swapped(cut), rtol=0, atol=1e-8)
-
-
-@pytest.mark.nightly
-def test_no_burst_is_passed_over_after_a_long_pause():
-    """100 periods of silence: the longest step would be longer than the burst."""
-    wave = mi.Sine(amplitude=0.3, omega=1.0, phase=-math.pi / 2)
-    burst = mi.Burst(wave=wave, on=2, off=400)
-    at_rest = mi.simulate(ZHAO, burst, 3)
-    assert at_rest.samples(20000)["x2"].max() > 0.05
-    events = at_rest.events["event"].value_counts()
-    assert events["drive switches"] == 6  # the first period begins with one
 
 
 def sampled(knots, periods=2):
@@ -175,19 +109,6 @@ def test_custom_is_the_sine():
         mi.simulate(ZHAO, drive, 30, initial=KICK, options=PLAIN) for drive in (sine, custom)
     )
     np.testing.assert_allclose(swapped(one), swapped(two), rtol=0, atol=1e-13)
-
-
-@pytest.mark.nightly
-def test_custom_functions_of_the_same_name_are_distinguished():
-    """Compiled code is kept by the content of a function that has no module of its own."""
-    finals = []
-    for factor in (0.2, 0.1):
-        names: dict = {"math": math, "__name__": "__main__"}
-        code = "def wave(t, q): return {} * math.cos(t)\ndef rate(t, q): return -{} * math.sin(t)"
-        exec(code.format(factor, factor), names)
-        drive = mi.Custom(function=names["wave"], rate=names["rate"], period=math.pi)
-        finals.append(mi.simulate(ZHAO, drive, 0.5).final.x2)
-    assert finals[0] > 3.0 * finals[1] > 0.0
 
 
 @pytest.mark.parametrize(

@@ -55,26 +55,6 @@ def test_both_are_refused():
         mi.Sine(amplitude=1.0, frequency=0)
 
 
-@pytest.mark.nightly
-def test_runs_sweeps_and_branches_are_those_of_omega(tmp_path):
-    drive, other = DRIVES[0], mi.Sine(amplitude=40.0, omega=DRIVES[0].omega)
-    runs = [mi.simulate(MITA, each, 20) for each in (drive, other)]
-    assert runs[0].final.as_dict() == pytest.approx(runs[1].final.as_dict(), rel=1e-9)
-    assert mi.load(runs[0].save(tmp_path / "run.zip") or tmp_path / "run.zip").drive == drive
-    table = mi.sweep(MITA, drive, "frequency", [100.0, 110.0], transient=2, periods=2).table
-    assert table.columns[0] == "frequency"
-    assert table.attrs["units"]["frequency"] == "Hz"
-    quiet = drive.replace(amplitude=10.0)
-    orbit = mi.find_orbit(MITA, quiet)
-    branch = mi.continue_solution(orbit, "frequency", stop=115.0)
-    same = mi.continue_solution(
-        mi.find_orbit(MITA, quiet.replace(omega=quiet.omega)), "omega", stop=230.0 * math.pi
-    )
-    ends = [each.orbits[-1].state.as_dict() for each in (branch, same)]
-    assert branch.table["frequency"].iloc[-1] == pytest.approx(115.0)
-    assert ends[0] == pytest.approx(ends[1], rel=1e-8)
-
-
 def test_response_in_hertz(tmp_path):
     drive = mi.Sine(amplitude=20.0, frequency=100.0)
     response = mi.frequency_response(MITA, drive, np.array([110.0, 120.0]), transient=20, periods=5)
@@ -84,18 +64,3 @@ def test_response_in_hertz(tmp_path):
     assert "[Hz]" in axes[1].get_xlabel()
     response.save(tmp_path / "response.zip")
     assert mi.load(tmp_path / "response.zip") == response
-
-
-@pytest.mark.nightly
-def test_a_chart_in_hertz_is_that_in_radians():
-    unit = MITA.scales.unit("rad/s") / (2.0 * math.pi)
-    ends = 0.478 * unit, 0.495 * unit
-    zhao = mi.load_actuator("zhao2004")
-    device = zhao.to_si(MITA.scales)
-    chart = mi.operating_chart(device, frequency=ends, crises=0)
-    plain = mi.operating_chart(zhao, omega=(0.478, 0.495), crises=0)
-    assert chart.parameters == ("frequency", "amplitude")
-    assert chart.types["type"].tolist() == plain.types["type"].tolist()
-    places = chart.special_table["frequency"].to_numpy() / unit
-    assert places == pytest.approx(plain.special_table["omega"].to_numpy(), rel=1e-8)
-    assert "Hz" in mi.plot_chart(chart).get_xlabel()

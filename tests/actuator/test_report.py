@@ -9,7 +9,6 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator import plausibility
-from mems_impact.actuator import report as module
 from mems_impact.actuator.report_page import amount, duration
 
 MITA, ZHAO = mi.load_actuator("mita2003"), mi.load_actuator("zhao2004")
@@ -140,12 +139,6 @@ def test_a_frame_that_slips_before_the_blow():
     assert page.facts["regime"] == "frame slips before the blow"
 
 
-@pytest.mark.nightly
-def test_chaos_does_not_settle_to_an_unstable_orbit():
-    page = mi.report(ZHAO, mi.Sine(amplitude=0.28, omega=0.45), only=["Motion"])
-    assert page.facts["motion"] == "not periodic within the search"
-
-
 def test_a_device_without_friction():
     page = mi.report(MITA.replace(mu_s=0.0, mu_d=0.0), SLOW, only=["Device"])
     assert "Static friction holds 0 N" in page.html
@@ -207,19 +200,6 @@ def test_a_drive_without_an_amplitude():
 
 
 @pytest.mark.nightly
-def test_the_device_of_the_paper():
-    drive = mi.Sine(amplitude=0.24, omega=0.5)
-    page = mi.report(ZHAO, drive, quick=True)
-    assert {each.title: each.problem for each in page.sections if each.problem}.keys() == {"Life"}
-    assert page.facts["motion"] == "periodic, period 1, stable"
-    assert page.facts["step per cycle"] == "0.0003666"
-    # It switches on above the grazing at 0.2272 and off below the fold at 0.1765.
-    parsed = Page(page.html)
-    assert parsed.texts["caption"].count("Types of switching") == 1
-    assert len([each for each in parsed.attributes if each[1] == "src"]) == 6
-
-
-@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("drive", "where"),
     [
@@ -230,27 +210,6 @@ def test_the_device_of_the_paper():
 def test_a_chart_lies_where_the_force_excites_the_block(drive, where):
     (section,) = mi.report(MITA, drive, only=["Operating chart"], quick=True).sections
     assert where in str(section.blocks[0])
-
-
-@pytest.mark.nightly
-def test_a_frame_that_sticks_until_the_blow_may_slip_at_resonance(monkeypatch):
-    # Friction is between the force of pull-in, 0.09, and that of the spring at the stopper, 0.35.
-    device = ZHAO.replace(mu_s=2.55e-3, mu_d=2e-3)
-    assert device.replace(units="SI").datasheet.regime == "sticks until the blow"
-    charts = []
-
-    def operating_chart(*given, **named):
-        charts.append(mi.operating_chart(*given, **named))
-        return charts[0]
-
-    monkeypatch.setattr(module, "operating_chart", operating_chart)
-    monkeypatch.setitem(module.QUICK_COUNTS, "slips", 2)
-    drive = mi.Sine(amplitude=0.24, omega=0.5)
-    (section,) = mi.report(device, drive, only=["Operating chart"], quick=True).sections
-    assert any("The frame slips above the solid line" in str(each) for each in section.blocks)
-    table = charts[0].table
-    assert "slip" in set(table["boundary"])
-    assert len(table[table["boundary"] == "off"]) == module.QUICK_COUNTS["slips"]
 
 
 def test_a_comb_has_a_voltage_of_contact():

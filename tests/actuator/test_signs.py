@@ -169,30 +169,3 @@ def test_two_forcing_periods_in_one(drive):
     assert one["mean speed"] == pytest.approx(two["mean speed"], abs=1e-9)
     for name in ("displacement per period", "impacts per period", "energy lost per period"):
         assert one[name] == pytest.approx(factor * two[name], abs=1e-8)
-
-
-@pytest.mark.nightly
-def test_orbits_sweeps_and_speeds_with_the_period_of_the_voltage():
-    signed = ZHAO.adding(Nothing())
-    drive = mi.Sine(amplitude=0.24, omega=0.5)
-    paper = mi.find_orbit(mi.simulate(ZHAO, drive, periods=300))
-    orbit = mi.find_orbit(mi.simulate(signed, drive, periods=150))
-    assert (paper.periods, orbit.periods) == (1, 1)
-    assert orbit.step == pytest.approx(2.0 * paper.step, rel=1e-8)
-    squares = np.sort(np.abs(paper.multipliers)) ** 2
-    np.testing.assert_allclose(np.sort(np.abs(orbit.multipliers)), squares, atol=1e-7)
-    branches = [mi.continue_solution(each, "amplitude", stop=0.16) for each in (paper, orbit)]
-    # The sign is told already where a bias sets in, and the period stays.
-    biased = mi.continue_solution(orbit, "bias", stop=0.01).orbits[-1]
-    other = mi.find_orbit(mi.simulate(ZHAO, drive.replace(bias=0.01), periods=150))
-    assert biased.period == pytest.approx(other.period, rel=1e-14)
-    assert biased.step == pytest.approx(other.step, rel=1e-6)
-    ends = [branch.special_points[0].value for branch in branches]
-    assert ends[0] == pytest.approx(ends[1], rel=1e-8)
-    speeds = [
-        mi.speed_over_voltage(each, drive, [0.23, 0.24], transient=200, periods=20)
-        for each in (ZHAO, signed)
-    ]
-    for column in ("blows per period", "displacement per blow", "mean speed"):
-        np.testing.assert_allclose(*[each.table[column] for each in speeds], rtol=1e-6)
-    assert speeds[1].resolution() == pytest.approx(speeds[0].resolution(), rel=1e-6)

@@ -83,30 +83,6 @@ def test_a_drive_from_a_file_and_a_device_from_a_file(folder):
     assert study.system.parameters["tilt.angle"] == 0.0
 
 
-@pytest.mark.nightly
-def test_own_code(folder):
-    study = mi.load(written(folder, f"{OWN}[set]\nwall = 0.9\n"), allow_code=True)
-    assert study.system.parameters["wall"] == 0.9
-    found = study.run(recurrence=mi.RecurrenceOptions(transient=20, periods=5))
-    again = mi.operating_map(
-        systems.oscillator(wall=0.9),
-        x=("A", [0.5, 0.6]),
-        y=("e", [0.7]),
-        recurrence=mi.RecurrenceOptions(transient=20, periods=5),
-    )
-    pd.testing.assert_frame_equal(found.table, again.table, check_exact=True)
-
-
-@pytest.mark.nightly
-def test_own_code_in_processes(folder):
-    study = mi.load(written(folder, f'{OWN}executor = "processes"\nworkers = 2\n'), allow_code=True)
-    recurrence = mi.RecurrenceOptions(transient=20, periods=5)
-    pd.testing.assert_frame_equal(
-        study.run(recurrence=recurrence).table,
-        study.run(recurrence=recurrence, executor=None).table,
-    )
-
-
 def test_code_runs_only_when_it_is_allowed(folder):
     (folder / "own.py").write_text("open('it-ran', 'w').close()")
     with pytest.raises(mi.InvalidFile) as caught:

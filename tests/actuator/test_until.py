@@ -43,41 +43,6 @@ def test_a_run_of_it_in_a_file(tmp_path):
         mi.load(place, system=run.system.without_until)
 
 
-@pytest.mark.nightly
-def test_other_values_and_other_functions():
-    zhao = mi.load_actuator("zhao2004")
-    start = mi.kicked_state(zhao)
-    system = mi.simulate(zhao, DRIVE, until=arrived, initial=start).system
-    run = mi.simulate(system.changed(e=0.4), initial=start)
-    assert run.ended == "until"
-    assert run.final.x1 == pytest.approx(0.01 * zhao.delta, rel=1e-12)
-    assert system != system.changed(e=0.4)
-
-    def further(mode, t, y, p):
-        return 0.02 * p.delta - y.x1
-
-    other = system.ending(further)
-    assert system != other
-    run = mi.simulate(other, initial=start)
-    assert run.final.x1 == pytest.approx(0.02 * zhao.delta, rel=1e-12)
-    accounted = mi.simulate(other.with_energy(), initial=start)
-    assert accounted.system == system.without_until.with_energy().ending(further)
-    assert accounted.final.x1 == pytest.approx(0.02 * zhao.delta, rel=1e-12)
-
-
-@pytest.mark.nightly
-def test_a_device_in_si_units_with_a_term():
-    mita = mi.load_actuator("mita2003").adding(mi.Tilt(angle=0.1))
-
-    def near(mode, t, y, p):
-        return 0.9 * p.delta - y.x2
-
-    run = mi.simulate(mita, mi.Sine(amplitude=100.0, omega=6.2832), until=near, periods=1)
-    assert run.ended == "until"
-    assert run.final.x2 == pytest.approx(0.9 * mita.delta, rel=1e-12)
-    assert run.impacts.empty
-
-
 def test_a_function_of_other_arguments():
     with pytest.raises(mi.InvalidParameter, match=r"called with \(mode, t, y, p\)"):
         mi.simulate(mi.load_actuator("zhao2004"), DRIVE, until=lambda y: y.x1)

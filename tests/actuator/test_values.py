@@ -2,12 +2,8 @@
 
 import json
 import pickle
-import subprocess
-import sys
 import zipfile
-from concurrent.futures import ProcessPoolExecutor
 from functools import cache
-from multiprocessing import get_context
 
 import numpy as np
 import pandas as pd
@@ -164,27 +160,6 @@ def test_results_come_back_whole(name, tmp_path):
 
 
 @pytest.mark.nightly
-def test_a_loaded_orbit_is_continued_bit_for_bit(tmp_path):
-    results()["orbit"].save(tmp_path / "orbit")
-    loaded = mi.load(tmp_path / "orbit")
-    assert mi.continue_solution(loaded, "amplitude", 0.16, back=0.24) == results()["branch"]
-
-
-@pytest.mark.slow
-def test_another_process_continues(tmp_path):
-    results()["orbit"].save(tmp_path / "orbit")
-    program = "import sys, mems_impact as mi; print(mi.load(sys.argv[1]).samples(4).to_csv())"
-    done = subprocess.run(
-        [sys.executable, "-c", program, tmp_path / "orbit"],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=300,
-    )
-    assert done.stdout.strip() == results()["orbit"].samples(4).to_csv().strip()
-
-
-@pytest.mark.nightly
 def test_a_chart_is_a_value(tmp_path):
     chart = mi.operating_chart(ZHAO, omega=(0.499, 0.505), crises=0)
     assert pickle.loads(pickle.dumps(chart)) == chart
@@ -195,18 +170,6 @@ def test_a_chart_is_a_value(tmp_path):
     assert loaded.types.equals(chart.types)
     assert repr(chart).startswith("OperatingChart(omega 0.499 to 0.505, types ")
     assert "<table>" in chart._repr_html_()
-
-
-def simulated(drive):
-    return mi.simulate(ZHAO, drive, 0.3, options=PLAIN)
-
-
-@pytest.mark.nightly
-def test_results_return_from_a_pool_of_processes():
-    drives = [SINE, OWN["local custom"], OWN["burst of a custom one"]]
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        for run, drive in zip(pool.map(simulated, drives), drives, strict=True):
-            assert run == simulated(drive)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from mems_impact.hybrid.attractors import mapper
 from mems_impact.hybrid.engine import StepQuota, create_engine
 from mems_impact.hybrid.variational import lyapunov
 from tests.analysis import oscillators
-from tests.analysis.systems import ball, oscillator
+from tests.analysis.systems import ball
 
 ACTUATOR = mi.load_actuator("zhao2004")
 FAST = mi.Options(method="dop853")
@@ -217,23 +217,6 @@ def test_a_motion_that_is_followed_until_it_rests_is_resting():
     assert found.final.x == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.nightly
-def test_a_slow_approach_is_no_orbit_yet():
-    # Free of impacts, with the multiplier exp(-2 pi zeta / omega) = 0.97: differences from period
-    # to period are below the tolerance when the way to go is still thirty times as far.
-    creeping = oscillator(zeta=0.004, omega=0.8, A=0.05)
-    tolerance = 1e-3
-    recurrence = RecurrenceOptions(transient=300, periods=40, tolerance=tolerance)
-    (found,) = map_attractors([InitialCondition(creeping, mi.State(x=0.5))], recurrence, FAST)
-    assert found.motion == "off"
-    assert found.period == 1
-    exact = mi.find_orbit(creeping).state
-    off = np.abs(found.states[0] - [exact["x"], exact["v"]])
-    assert off.max() < 5.0 * tolerance * 0.5
-    multiplier = math.exp(-2.0 * math.pi * 0.004 / 0.8)
-    assert found.returns > math.log(tolerance) / math.log(multiplier)
-
-
 def test_few_returns_are_no_regular_approach():
     """Differences of a chaotic map decrease for a while by chance, in half of so short motions."""
     system = mi.System(
@@ -276,51 +259,6 @@ def test_smooth_motion_settles_within_the_errors_of_the_method(method, rate):
     # x'' + d x' + z = a cos(w t), z' = k (x - z)
     x = 0.3 / (-w * w + 1j * 0.1 * w + rate / (rate + 1j * w))
     assert found.final["x"] == pytest.approx(x.real, rel=1e-5)
-
-
-@pytest.mark.nightly
-def test_a_farthest_point_is_no_closest_approach():
-    """At a turning point one margin is smallest and the other largest; rounding may mix them up."""
-
-    def flow(mode, t, y, p):
-        return y.v, -2.0 * p.d * y.v - y.x + p.a * math.cos(p.w * t)
-
-    right = mi.Guard(
-        "right",
-        lambda mode, t, y, p: p.g - y.x,
-        transition=lambda mode, t, y, p: (mode, (p.g, -0.8 * y.v)),
-        impact=True,
-    )
-    left = mi.Guard(
-        "left",
-        lambda mode, t, y, p: y.x + p.g,
-        transition=lambda mode, t, y, p: (mode, (-p.g, -0.8 * y.v)),
-        impact=True,
-    )
-    system = mi.System(
-        states=("x", "v"),
-        flow=flow,
-        guards=[right, left],
-        parameters={"d": 0.05, "a": 1.0, "w": 1.5, "g": 0.7},
-        period=lambda p: 2.0 * math.pi / p.w,
-    )
-    values = [
-        (0.8036132090834769, 1.3135498051973227), (0.7314936002642454, 1.2152119813166027),
-        (0.8489270991052509, 1.4327335171124407), (0.692324155508556, 1.0137388163173744),
-        (0.6523558969470413, 0.9977570336785675), (0.7021765884716669, 1.4309129529171452),
-        (0.8478504872044468, 1.568256412902963), (0.5566359008577463, 0.8170738919940179),
-        (0.8902498972533027, 1.548920889759148), (0.6181046392281758, 0.8776307382607951),
-    ]  # fmt: skip
-    cases = [InitialCondition(system.changed(w=w, a=a)) for w, a in values]
-    recurrence = RecurrenceOptions(transient=100, periods=20, longest=2, exponents="none")
-    closest = [
-        [
-            each.measures["closest approach"]
-            for each in map_attractors(cases, recurrence, mi.Options(method=method))
-        ]
-        for method in ("dop853", "adams")
-    ]
-    assert closest[0] == pytest.approx(closest[1], abs=1e-5)
 
 
 @pytest.mark.parametrize("transient", [0, 1, 40, 300])

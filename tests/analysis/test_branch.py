@@ -109,33 +109,6 @@ def test_an_impact_that_meets_a_switch_is_a_corner_at_which_a_branch_turns(switc
     assert ends == 4 * ["right impact", "slip end"] + 2 * ["drive switches"]
 
 
-def _cosine(t, q):
-    return q[0] * math.cos(0.5 * t)
-
-
-def _its_rate(t, q):
-    return -0.5 * q[0] * math.sin(0.5 * t)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("parameter", ["height", "right.amplitude"])
-def test_numbers_of_any_drive_are_continued(parameter):
-    drives = {
-        "height": mi.Custom(
-            function=_cosine, rate=_its_rate, period=2.0 * math.pi, values={"height": 0.24}
-        ),
-        "right.amplitude": mi.TwoSided(
-            right=mi.Sine(amplitude=0.24, omega=0.5), left=mi.Sine(amplitude=1e-9, omega=0.5)
-        ),
-    }
-    orbit = mi.find_orbit(ZHAO, drives[parameter], guess=mi.kicked_state(ZHAO), transient=300)
-    branch = mi.continue_solution(orbit, parameter, stop=0.16)
-    assert [s.label for s in branch.special_points] == ["CF", "G"]
-    values = [s.value for s in branch.special_points]
-    assert values == pytest.approx([0.176515440628, 0.2271775831], abs=1e-8)
-    assert parameter in branch.table
-
-
 def test_table(branch):
     table = branch.table
     assert len(table) == len(branch) == len(branch.orbits)

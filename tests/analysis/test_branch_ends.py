@@ -253,27 +253,3 @@ def test_a_curve_of_equilibria_ends_where_the_equations_jump():
     curve = mi.continue_curve(branch.special_points[0], "b", 1.0)
     assert curve.ended.endswith(CURVE_JUMP)
     assert curve.table["b"].iloc[-1] == pytest.approx(0.5, abs=1e-3)
-
-
-@pytest.mark.nightly  # long arcs beside the jump
-def test_a_curve_of_orbits_ends_where_the_equations_jump():
-    def flow(mode, t, y, p):
-        k = 1.7 if p.b < 0.5 else 3.0
-        return y.v, p.a * math.cos(t) - 0.3 * y.v - k * y.x
-
-    def rebound(mode, t, y, p):
-        return mode, (0.1, -0.8 * y.v)
-
-    system = mi.System(
-        states=("x", "v"),
-        flow=flow,
-        period=2 * math.pi,
-        parameters={"a": 0.07, "b": 0.48},
-        guards=[mi.Impact("wall", bounded, rebound)],
-    )
-    orbit = mi.find_orbit(mi.simulate(system, periods=100))
-    branch = mi.continue_solution(orbit, "a", 0.08)
-    grazing = next(each for each in branch.special_points if each.kind == "grazing")
-    curve = mi.continue_curve(grazing, "b", 1.0)
-    assert curve.ended.endswith(CURVE_JUMP)
-    assert curve.table["b"].iloc[-1] == pytest.approx(0.5, abs=5e-3)

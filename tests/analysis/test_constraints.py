@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -79,28 +78,6 @@ def test_the_distance_held_is_a_parameter():
     arc = Variational(family.problem(), directions).arc(JOINED, start, 0.0, 2.0)
     x, v, z, w = arc.by_parameter[:, 0]
     assert (z - x, w - v) == pytest.approx((1.0, 0.0), abs=1e-9)
-
-
-@pytest.mark.nightly
-def test_exponents_of_a_mode_held_for_good():
-    found = mi.lyapunov(joined(), 4)
-    assert np.isneginf(found.exponents[2:]).all()
-    for exponent, error in zip(found.exponents[:2], found.errors[:2], strict=True):
-        assert exponent == pytest.approx(-0.05, abs=2.0 * error)
-    assert mi.lyapunov(joined()).kind == "periodic"
-
-
-@pytest.mark.nightly
-def test_units_and_pickles_keep_what_holds():
-    small = joined(
-        initial=mi.State(x=5e-7, z=5e-7, mode="joined"),
-        parameters={"k": 1.0, "c": 0.2, "A": 3e-7},
-        typical={"x": 1e-6, "z": 1e-6, "v": 1e-6, "w": 1e-6, "time": 1.0},
-    )
-    for system in (small, pickle.loads(pickle.dumps(joined()))):
-        orbit = mi.find_orbit(system, transient=60, options=TIGHT)
-        sizes = sorted(np.abs(orbit.multipliers))
-        assert sizes == pytest.approx([0.0, 0.0, MU, MU], abs=1e-8)
 
 
 def test_an_equilibrium_on_a_surface_that_bends_is_isolated():

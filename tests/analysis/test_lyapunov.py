@@ -10,7 +10,6 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.hybrid.simulation import run
-from tests.analysis.oscillators import belt, lorenz, roessler, stribeck_belt, van_der_pol
 from tests.analysis.systems import ball, oscillator
 
 FAST = mi.Options(method="dop853")
@@ -210,33 +209,6 @@ def test_a_run_that_cannot_continue():
         mi.lyapunov(system, transient=0, options=few)
     assert caught.value.partial.periods == 0.0
     assert caught.value.partial.kind == "undecided"
-
-
-@pytest.mark.nightly
-def test_lorenz():
-    """Sprott 2003 gives 0.9056, 0, -14.5723; the sum is minus s + 1 + b."""
-    spectrum = mi.lyapunov(lorenz(), 3, tolerance=0.002, options=FAST)
-    assert spectrum.exponents.sum() == pytest.approx(-10.0 - 1.0 - 8.0 / 3.0, abs=1e-7)
-    assert spectrum.errors[0] < 0.003
-    assert abs(spectrum.exponents[0] - 0.9056) < 3.0 * spectrum.errors[0]
-    assert abs(spectrum.exponents[1]) < 3.0 * spectrum.errors[1]
-    assert spectrum.along_flow == [1]
-    assert spectrum.kind == "chaotic"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("system", [van_der_pol(), stribeck_belt(), roessler(), belt()])
-def test_cycles_against_floquet_multipliers(system):
-    orbit = mi.find_orbit(system, transient=100.0)
-    spectrum = mi.lyapunov(orbit, len(system.states), transient=0.0, options=FAST)
-    assert spectrum.kind == "periodic"
-    assert spectrum.along_flow == [0]
-    assert abs(spectrum.exponents[0]) < 4.0 * spectrum.errors[0]
-    expected = np.log(np.abs(orbit.multipliers)) / orbit.period
-    for value, error, exponent in zip(
-        spectrum.exponents[1:], spectrum.errors[1:], expected, strict=True
-    ):
-        assert abs(value - exponent) < 4.0 * error or (value == -math.inf and exponent < -3.0)
 
 
 @pytest.mark.nightly

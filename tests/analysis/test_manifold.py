@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import mems_impact as mi
@@ -122,35 +121,6 @@ def test_an_equilibrium_without_damping_has_an_energy():
         energy = table["v"] ** 2 - table["x"] ** 2 + 0.5 * table["x"] ** 4
         assert np.abs(energy).max() < 1e-5
         assert table["x"].max() > math.sqrt(2.0) - 0.1
-
-
-def _duffing(mode, t, y, p):
-    return y.v, y.x - y.x**3 - 0.4 * y.v + 0.1 * math.cos(t)
-
-
-@pytest.mark.nightly
-def test_the_stable_manifold_of_a_forced_double_well_bounds_the_basins():
-    """SciPy integrates points beside it into different wells."""
-    system = mi.System(states=("x", "v"), flow=_duffing, period=2.0 * math.pi)
-    orbit = mi.find_orbit(system, guess={"x": -0.048, "v": 0.0096}, periods=1)
-    assert abs(orbit.multipliers[0]) > 1.0 > abs(orbit.multipliers[1])
-    table = mi.manifold(orbit, "stable", length=3.0, distance=0.03).table
-    for _, half in table.groupby("half"):
-        states = half[["x", "v"]].to_numpy()[10::12]
-        along = half[["x", "v"]].to_numpy()[11::12][: len(states)] - states[: len(half[11::12])]
-        states = states[: len(along)]
-        across = 1e-4 * np.stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)
-        starts = np.hstack([states.T + across, states.T - across])
-        count = starts.shape[1]
-
-        def flow(t, y, count=count):
-            x, v = y[:count], y[count:]
-            return np.concatenate([v, x - x**3 - 0.4 * v + 0.1 * math.cos(t)])
-
-        done = solve_ivp(flow, (0.0, 60.0), starts.ravel(), "DOP853", rtol=1e-9, atol=1e-9)
-        wells = (done.y[:count, -1] > 0.0).reshape(2, -1)
-        assert len(states) > 5
-        assert (wells[0] != wells[1]).all()
 
 
 @pytest.mark.slow

@@ -45,15 +45,6 @@ def test_a_solution_that_is_no_orbit_is_an_error_and_kept():
     assert all(defect in str(caught.value) for defect in found.defects)
 
 
-@pytest.mark.nightly
-def test_where_the_motion_settles_an_orbit_is_found_instead():
-    orbit = mi.find_orbit(WALL, options=PLAIN)
-    assert orbit.admissible
-    assert orbit.stable
-    settled = mi.simulate(WALL, periods=60, options=PLAIN).final
-    assert orbit.state.x == pytest.approx(settled.x, abs=1e-6)
-
-
 def middle(mode, t, y, p):
     return y.x
 
@@ -125,10 +116,6 @@ def two(mode, t, y, p):
     return y.v, -0.4 * y.v + math.cos(t) + p.load - pull, y.w, -0.3 * y.w + pull
 
 
-def rotates(mode, t, y, p):
-    return y.w, -0.2 * y.w - math.sin(y.angle) + 1.5 + p.load * math.cos(t)
-
-
 def pushed(flow, states, period=2.0 * math.pi, **more):
     return mi.System(states=states, flow=flow, period=period, parameters={"load": 0.3}, **more)
 
@@ -159,13 +146,6 @@ def test_two_bodies_that_drift_together():
     told = rf"x grows by {rate:.4g} and z grows by {rate:.4g} a period, .* distances"
     with pytest.raises(mi.OrbitError, match=told):
         mi.find_orbit(pushed(two, ("x", "v", "z", "w")), options=PLAIN)
-
-
-@pytest.mark.nightly
-def test_an_angle_that_goes_round_is_not_cyclic():
-    system = pushed(rotates, ("angle", "w"), initial={"w": 8.0})
-    with pytest.raises(mi.OrbitError, match=r"angle grows by 47\.12 a period, .* guards at pi and"):
-        mi.find_orbit(system, periods=2, options=COMPILED)
 
 
 def test_a_weak_spring_holds():

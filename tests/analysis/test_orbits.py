@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.units import DeviceScales
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
@@ -88,22 +87,6 @@ def test_a_guess_at_another_phase(orbit):
     run = mi.simulate(ZHAO, DRIVE, 300.4)
     found = mi.find_orbit(ZHAO, DRIVE, guess=run.final)
     assert found.state.x2 == pytest.approx(orbit.state.x2, abs=1e-8)
-
-
-@pytest.mark.nightly
-def test_a_device_in_si(orbit):
-    scales = DeviceScales.of_device(m2=1e-8, k=10.0, d=2e-6, alpha=1e-17)
-    si = ZHAO.to_si(scales)
-    drive = DRIVE.scaled(1.0 / scales.voltage, 1.0 / scales.time)
-    found = mi.find_orbit(si, drive, transient=300)
-    assert found.state.x2 == pytest.approx(orbit.state.x2 * scales.length, rel=1e-7)
-    assert found.step == pytest.approx(orbit.step * scales.length, rel=1e-6)
-    assert found.period == pytest.approx(orbit.period * scales.time)
-    assert found.impacts.attrs["units"]["v2 before"] == "m/s"
-    branch = mi.continue_solution(found, "amplitude", 0.175 * scales.voltage)
-    assert branch.special_points[0].value == pytest.approx(0.1765154406 * scales.voltage, rel=1e-8)
-    assert branch.table.columns[0] == "amplitude"
-    assert branch.table.attrs["units"]["amplitude"] == "V"
 
 
 def test_a_branch_over_a_parameter_of_the_scales():

@@ -75,16 +75,6 @@ def test_two_frequencies_have_an_error_and_are_not_unsettled():
     assert abs(row.limit - 1.0 - circle) <= row.error + 2e-3 * abs(row.limit)
 
 
-@pytest.mark.nightly
-def test_chaos_has_an_error_that_longer_runs_confirm():
-    system = campaign._duffing().changed(d=0.3, f=0.5)
-    run = mi.simulate(system, 400)
-    assert run.settling.kind == "fluctuating"
-    assert "is known within" in str(run.settling)
-    long = mi.simulate(system, 8000, keep="statistics").statistics["drift"]
-    assert abs(run.statistics["drift"] - long) <= 2.0 * run.settling.rows["drift"].remaining
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("f", [0.2925, 0.294])
 def test_a_band_of_weak_chaos_has_not_settled(f):

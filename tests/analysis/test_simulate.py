@@ -59,13 +59,6 @@ def test_impacts(walking):
     assert hits["step"].iloc[:-1].sum() == pytest.approx(hits["x1"].iloc[-1], abs=1e-13)
 
 
-def test_momentum_at_every_impact(walking):
-    for hits in (walking.impacts, chatter().impacts):
-        before = ZHAO.m1 * hits["v1 before"] + ZHAO.m2 * (hits["v1 before"] + hits["v2 before"])
-        after = ZHAO.m1 * hits["v1 after"] + ZHAO.m2 * (hits["v1 after"] + hits["v2 after"])
-        np.testing.assert_allclose(after, before, rtol=0, atol=1e-12)
-
-
 def chatter():
     slippery = ZHAO.replace(mu_s=0.01, mu_d=0.01)
     drive = mi.Sine(amplitude=0.45, omega=0.1)
@@ -204,59 +197,7 @@ def test_on_the_stopper_and_moving_into_it(options, side):
     assert hit["v1 after"] == pytest.approx(1.8 * 0.3 * side / 6, rel=1e-14)
 
 
-@pytest.mark.parametrize(("v1", "mode"), [(0.1, "forward-free"), (-0.1, "backward-free")])
-def test_sliding_frame(v1, mode):
-    run = mi.simulate(ZHAO, DRIVE.replace(amplitude=0.0), 1, initial=mi.State(v1=v1, x2=0.1))
-    assert run.events["mode before"].iloc[0] == mode
-    assert run.events["event"].iloc[0] == "slip end"
-    assert math.copysign(1.0, run.final.x1) == math.copysign(1.0, v1)
-    # The frame decelerates with about mu_d N / m1, Equation (3).
-    stop = 0.5 * v1**2 * ZHAO.m1 / (ZHAO.mu_d * 6 * 9.81)
-    assert abs(run.final.x1) == pytest.approx(stop, rel=0.05)
-
-
-def test_at_rest_on_the_stopper():
-    strong = DRIVE.replace(amplitude=0.5)
-    run = mi.simulate(ZHAO, strong, 1, initial=mi.State(x2=ZHAO.delta))
-    assert run.samples(10)["mode"].iloc[0] == "stuck-right"
-    weak = mi.simulate(ZHAO, DRIVE, 1, initial=mi.State(x2=ZHAO.delta))
-    assert weak.samples(10)["mode"].iloc[0] == "stuck-free"
-
-
 # Limits of the parameters.
-
-
-def test_block_never_leaves_the_stopper():
-    held = mi.Sine(amplitude=0.1, omega=0.5, bias=2.0)
-    run = mi.simulate(ZHAO, held, 10)
-    assert run.statistics["share resting"] == pytest.approx(1.0, rel=1e-14)
-    assert run.statistics["impacts"] == 0
-    assert run.statistics["closest approach"] == 0.0
-    assert run.final.x2 == ZHAO.delta
-    assert (run.events["event"] == "chatter ends").sum() == 1
-
-
-def test_plastic_impact():
-    run = mi.simulate(ZHAO.replace(e=0.0), DRIVE.replace(amplitude=0.5), 20)
-    assert len(run.impacts) > 0
-    assert (run.impacts["v2 after"] == 0.0).all()
-    assert run.samples(200)["x2"].abs().max() <= ZHAO.delta + 1e-9
-
-
-def test_elastic_impact():
-    run = mi.simulate(ZHAO.replace(e=1.0), DRIVE, 100, initial=KICK)
-    assert len(run.impacts) > 0
-    np.testing.assert_allclose(run.impacts["energy lost"], 0.0, atol=1e-15)
-
-
-def test_frictionless_frame_never_sticks():
-    free = ZHAO.replace(mu_s=0.0, mu_d=0.0)
-    run = mi.simulate(free, DRIVE, 100, initial=KICK, window=(0, 100))
-    assert run.statistics["share slipping"] > 0.99
-    grid = run.samples(50)
-    # No force from outside: the common momentum stays what it was.
-    momentum = free.m1 * grid["v1"] + free.m2 * (grid["v1"] + grid["v2"])
-    np.testing.assert_allclose(momentum, free.m2 * KICK.v2, atol=1e-6)
 
 
 # Arguments.

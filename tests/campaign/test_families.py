@@ -6,12 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
-import mems_impact as mi
 from validation.campaign import comparing, contacts, corrugated, cradles, families, tables
 from validation.campaign.comparing import END, Answer, Row
-from validation.campaign.drawn import Drawn
 from validation.campaign.integrating import Follower
 from validation.campaign.scales import Valve
 from validation.judges.contacts import Bodies, Judge, Rub
@@ -132,51 +129,6 @@ def test_a_flight_over_corrugations_on_a_grid_ten_times_as_fine():
         assert below - grid[1] <= t <= below
 
 
-def _propagated(drawn, mode, y, t, end):
-    """Return the state of a linear flow after a time, by the exponential of a matrix."""
-    n = drawn.n
-    whole = np.zeros((n + 3, n + 3))  # of the state, 1, sin wt and cos wt
-    whole[:n, :n], whole[:n, n] = drawn.A[mode], drawn.b[mode]
-    whole[:n, n + 1] = drawn.f[mode] * np.cos(drawn.phase[mode])
-    whole[:n, n + 2] = drawn.f[mode] * np.sin(drawn.phase[mode])
-    whole[n + 1, n + 2], whole[n + 2, n + 1] = drawn.w, -drawn.w
-    first = [*y, 1.0, math.sin(drawn.w * t), math.cos(drawn.w * t)]
-    return (expm((end - t) * whole) @ first)[:n]
-
-
-@pytest.mark.nightly
-def test_random_automata_against_the_exponential_of_a_matrix():
-    """Where the flow is linear, DOP853's states between events have a closed form."""
-    seen = 0
-    for number in range(0, 300, 8):
-        drawn = Drawn(SEED, number)
-        if drawn.c.any() or drawn.d.any():
-            continue
-        rows, _ = Follower(drawn, 0, 0.0, drawn.start).follow(drawn.end)
-        t, mode, y = 0.0, 0, drawn.start
-        for row in rows:
-            if row.rest or mode == drawn.stopped:
-                break
-            before = _propagated(drawn, mode, y, t, row.t)
-            if row.guard == END:
-                assert before == pytest.approx(row.y, abs=1e-9)
-                break
-            into, after = drawn.fire(mode, row.guard, row.t, before)
-            assert into == row.mode
-            assert after == pytest.approx(row.y, abs=1e-9)
-            if row.t > t:
-                assert drawn.margins(mode, row.t, before)[0][row.guard] == pytest.approx(
-                    0, abs=1e-9
-                )
-                # No other event was missed on the way.
-                for time in np.linspace(t, row.t, 5)[1:-1]:
-                    between = _propagated(drawn, mode, y, t, time)
-                    assert drawn.margins(mode, time, between)[0].min() > -1e-9
-            t, mode, y = row.t, row.mode, row.y
-            seen += 1
-    assert seen > 80
-
-
 def test_a_valve_opens_where_its_preload_is_reached():
     """It shuts, the pressure rises, and lift and pressure follow from there."""
     system = Valve(np.random.default_rng(5))
@@ -254,93 +206,6 @@ def rubbing(rubs, loads, springs=0.0, drive=0.0):
 def test_frictions_side_by_side_break_away_together():
     """Of two between a body and the ground none slides where the other sticks, in any order."""
     assert contacts.check(1, 2657).story == ""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("turned", [False, True])
-def test_frictions_that_only_a_ring_makes_parallel_break_away_together(turned):
-    """The same, the body in two halves that are stuck together, each on the ground by one."""
-    whole = contacts.Drawn(1, 2657)
-    judge = Judge(whole.bodies)
-    judge.follow(whole.start, contacts.END)
-    assert judge.until == contacts.END
-    b = whole.bodies
-    halves = np.array([0, 1, 2, 2])
-    share = np.array([1.0, 1.0, 0.5, 0.5])
-    ground, _, _, second = b.contacts
-    assert ground.one == second.one == 2
-    assert ground.other is second.other is None
-    rubs = (*b.contacts[:3], replace(second, one=3), Rub(3, 2, 10.0, 10.0))
-
-    def halved(matrix):
-        assert not matrix[2, :2].any()
-        wide = np.diag(share * np.diag(matrix)[halves])
-        wide[:2, :2] = matrix[:2, :2]
-        return wide
-
-    split = replace(
-        b,
-        masses=b.masses[halves] * share,
-        springs=halved(b.springs),
-        dampers=halved(b.dampers),
-        loads=b.loads[halves] * share,
-        drive=b.drive[halves] * share,
-        contacts=rubs,
-    )
-    ring = contacts.Drawn(1, 2657)
-    ring.__dict__["_drawn"] = split, whole.start[[0, 1, 2, 2, 3, 4, 5, 5]]
-    options = mi.Options(method="dop853", **contacts.OPTIONS)
-    run = mi.simulate(ring.system(turned), duration=contacts.END, options=options)
-    final = [getattr(run.final, name) for name in whole.named]
-    assert final == pytest.approx(judge.at([contacts.END])[0], abs=1e-8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("turned", [False, True])
-def test_of_frictions_that_reach_their_limits_together_one_may_stay(turned):
-    """The ground holds two bodies with all it can; one slides, and the other is relieved by it."""
-    rubs = (
-        Rub(1, 0, 0.3, 0.47144624077949904),
-        Rub(0, None, 0.4690042642460146, 0.4690042642460146),
-        Rub(1, None, 0.2, 0.38473978468571524),
-        Rub(1, 0, 0.1, 0.1),
-    )
-    bodies = Bodies(
-        np.ones(2),
-        2.0 * np.eye(2),
-        np.diag([0.1, 0.05]),
-        np.array([0.52555009, 0.0]),
-        np.array([0.0, 1.0]),
-        2.0,
-        rubs,
-    )
-    pair = contacts.Drawn(1, 0)
-    pair.__dict__["_drawn"] = bodies, np.array([0.5, 1.5, 0.0, 0.0])
-    judge = Judge(bodies)
-    judge.follow(pair.start, 10.0)
-    assert judge.until == 10.0
-    assert (1, 0, 1, 1) in [arc.modes for arc in judge.arcs]
-    assert contacts.run(pair, judge, 10.0, turned, "dop853") == ""
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("turned", [False, True])
-def test_the_judge_of_contacts_leaves_sequences_of_impacts_without_restitution(turned):
-    """A slide brings the lower body back to its stop again and again, each time 0.4245 as long.
-
-    Gaps shrink with the square: the judge would take one for none long before the last impact.
-    """
-    drawn = contacts.Drawn(1, 2809)
-    judge = Judge(drawn.bodies)
-    judge.follow(drawn.start, contacts.END)
-    assert judge.why == "impacts of a sequence"
-    assert contacts.run(drawn, judge, judge.until - 1e-3, turned, "dop853") == ""
-    a, b, c = (t for t, stop in zip(judge.impacts[-5:], judge.stops[-5:], strict=True) if stop == 2)
-    limit = c - (c - b) ** 2 / ((c - b) - (b - a))
-    options = mi.Options(method="dop853", **contacts.OPTIONS)
-    last = mi.simulate(drawn.system(turned), duration=4.5, options=options).events.iloc[-1]
-    assert last["mode after"] in ("stuck-held-held", "held-held-stuck")
-    assert last["t"] == pytest.approx(limit, abs=1e-4)
 
 
 def test_the_judge_of_contacts_sticks_only_within_the_limit_at_that_instant():

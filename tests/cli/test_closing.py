@@ -24,33 +24,12 @@ def test_closing_is_that_of_python(cli, tmp_path):
     assert written["impact speed [m/s]"].iloc[0] == pytest.approx(found.impact_speed)
 
 
-@pytest.mark.nightly
-def test_a_contact_that_does_not_close(cli):
-    done = cli("closing", "abdulrahim2016", "--amplitude", "60")
-    assert done.status == 1
-    assert "the contact does not close" in done.err
-    assert "closing.png" in done.out
-
-
 def test_a_run_that_ends_before_the_contact_closes(cli):
     """The contact closes at 27.8 us."""
     done = cli("closing", "abdulrahim2016", "--amplitude", "90", "--duration", "20 us")
     assert done.status == 1
     assert "the contact does not close within 2e-05 s; " in done.err
     assert "lengthen --duration" in done.err
-
-
-@pytest.mark.nightly
-def test_soft_landing_is_that_of_python(cli, tmp_path):
-    done = cli("soft-landing", "abdulrahim2016", "--json", "--amplitude", "110", "--hold", "90",
-               "--pause", "5.6e-6", "--over", "width=1e-5:2e-5", "--output", "out")  # fmt: skip
-    assert done.status == 0
-    drive = mi.PulseAndHold(amplitude=110, width=1e-5, hold=90, pause=5.6e-6)
-    found = mi.soft_landing(SWITCH, drive, over={"width": (1e-5, 2e-5)})
-    shown = json.loads(done.out)
-    assert shown["values"]["width"] == found.drive.width
-    assert shown["values"]["impact speed"] == found.speed
-    assert (tmp_path / "out" / "soft-landing.png").exists()
 
 
 @pytest.mark.parametrize(

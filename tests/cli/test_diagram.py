@@ -49,13 +49,3 @@ def test_bad_ranges_are_refused(cli):
     assert "high" in done.err
     given = cli("diagram", "zhao2004", "amplitude=0.2:0.3", "--amplitude", "0.2")
     assert given.status == 2
-
-
-@pytest.mark.nightly
-def test_diagram_of_a_device(cli, tmp_path):
-    done = cli("diagram", "zhao2004", "amplitude=0.22:0.24", "--omega", "0.5", "--values", "3")
-    assert done.status == 0, done.err
-    assert "G 0.227178" in done.out
-    points = pd.read_csv(tmp_path / "out" / "diagram-points.csv")
-    assert points["amplitude"].iloc[0] == pytest.approx(0.2271775831, abs=1e-9)
-    assert (tmp_path / "out" / "diagram.png").exists()

@@ -1,7 +1,6 @@
 """Drives from the command line."""
 
 import click
-import pandas as pd
 import pytest
 
 import mems_impact as mi
@@ -52,21 +51,6 @@ def test_show_a_drive(cli, tmp_path):
     assert (tmp_path / "out" / "drive.png").exists()
 
 
-def test_simulate_under_a_square(cli, tmp_path):
-    done = cli("simulate", "zhao2004", *SQUARE, "--periods", "3", "--no-figure")
-    assert done.status == 0
-    events = pd.read_csv(tmp_path / "out" / "simulate-events.csv")
-    assert (events["event"] == "drive switches").sum() == 6
-
-
-def test_sweep_over_the_duty(cli, tmp_path):
-    quick = ["--transient", "1", "--periods", "1", "--no-figure"]
-    assert cli("sweep", "zhao2004", "duty=0.2:0.3:2", *SQUARE[:-2], *quick).status == 0
-    table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
-    assert set(table["duty"]) == {0.2, 0.3}
-    assert set(table["status"]) == {"ok"}
-
-
 def test_files(cli, tmp_path):
     (tmp_path / "burst.toml").write_text(BURST)
     (tmp_path / "wave.csv").write_text("0 0\n1 1\n2 0.5\n")
@@ -84,19 +68,6 @@ def own(tmp_path):
     drive = '[drive]\nkind = "square"\namplitude = 0.3\nomega = 0.5\nduty = 0.3\n'
     (tmp_path / "own.toml").write_text(text + drive)
     return "own.toml"
-
-
-COMMANDS_WITH_DRIVE = [
-    ["drive"],
-    ["simulate", "--periods", "2"],
-    ["sweep", "duty=0.3:0.4:2", "--transient", "1", "--periods", "1"],
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("words", COMMANDS_WITH_DRIVE, ids=lambda words: words[0])
-def test_a_device_file_names_its_drive(cli, own, words):
-    name, *rest = words
-    assert cli(name, own, *rest, "--no-figure").status == 0
 
 
 def test_every_command_with_a_drive_takes_that_of_the_device(cli, own):
@@ -164,11 +135,6 @@ def test_code_runs_only_when_asked_for(cli, tmp_path):
     assert not (tmp_path / "it-ran").exists()
     assert "Custom" in cli(*show, "--allow-code").out
     assert (tmp_path / "it-ran").exists()
-
-
-@pytest.mark.parametrize("command", ["simulate", "sweep", "orbit", "continue", "drive"])
-def test_every_command_that_takes_a_file_asks(cli, command):
-    assert "--allow-code" in cli(command, "--help").out
 
 
 WRONG = [

@@ -204,16 +204,6 @@ def test_an_interrupt_during_the_margins_keeps_the_search(tmp_path, monkeypatch,
 
 
 @pytest.mark.slow
-def test_an_interrupt_while_a_dataclass_is_made_has_the_same_status(tmp_path):
-    plugin = tmp_path / "interrupted.py"
-    plugin.write_text("exec('raise KeyboardInterrupt')\n")
-    arguments = ["simulate", f"{plugin}:system"]
-    done = subprocess.run([*PROGRAM, *arguments], capture_output=True, text=True)
-    assert done.stderr == "mems-impact: interrupted; nothing was written\n"
-    assert done.returncode == 130
-
-
-@pytest.mark.slow
 def test_sigterm_is_heard_like_ctrl_c(tmp_path):
     directory = tmp_path / "out"
     command = started(*SIMULATE, "--periods", "1e8", "--output", str(directory), "--progress")
@@ -234,22 +224,6 @@ def read_until(stream, words):
         assert more, f"the process ended after saying {said!r}"
         said += more
     return said
-
-
-@pytest.mark.nightly
-def test_chart_stops_at_once_and_keeps_what_is_done(tmp_path):
-    # From 0.46 to 0.47 all is of type III, whose crisis is simulated for minutes.
-    arguments = ["--omega", "0.46:0.47", "--periods", "1000000", "--progress"]
-    command = started("chart", "zhao2004", *arguments, "--output", str(tmp_path))
-    read_until(command.stderr, "the crisis, simulated")
-    time.sleep(0.5)
-    seconds, errors = stopped(command, signal.SIGINT)
-    assert command.returncode == 130
-    assert seconds < 5.0
-    assert "interrupted after 1 of 2 parts; written: " in errors.splitlines()[-1]
-    table = pd.read_csv(tmp_path / "chart-boundaries.csv")
-    assert set(table["boundary"]) == {"on"}
-    assert table["omega"].max() == pytest.approx(0.47)
 
 
 @pytest.fixture

@@ -44,28 +44,6 @@ def test_fit_is_that_of_python(cli, tmp_path):
     assert len(list((tmp_path / "out").iterdir())) == 2
 
 
-@pytest.mark.nightly
-def test_targets_under_other_voltages_and_of_the_device(cli, tmp_path):
-    measured = {
-        volts: mi.simulate(MITA, mi.Sine(amplitude=volts, omega=2 * math.pi), 4,
-                           window=(2, 4)).blow_statistics.displacement_per_blow
-        for volts in (60, 100)
-    }  # fmt: skip
-    done = cli(
-        *FIT, "--free", "e", "--set", "k=4.5", "--set", "e=0.75", *VOLTAGE,
-        "--target", f"displacement per blow={measured[100]!r}",
-        "--target", f"displacement per blow={measured[60]!r}+-1e-11 at amplitude=60, frequency=1",
-        "--target", f"pull-in voltage = {mi.pull_in_voltage(MITA)!r} +- 0.1",
-    )  # fmt: skip
-    assert done.status == 0
-    table = pd.read_csv(tmp_path / "out" / "fit-residuals.csv")
-    assert table["record"].str.contains("amplitude = 60 V").tolist()[:2] == [False, True]
-    differences = table["difference"] / table["in standard errors"]
-    assert differences.tolist() == pytest.approx([0.01 * measured[100], 1e-11, 0.1], rel=1e-3)
-    found = pd.read_csv(tmp_path / "out" / "fit-parameters.csv")["fitted"]
-    assert found.tolist() == pytest.approx([MITA.k, MITA.e], rel=1e-3)
-
-
 def test_a_misfit_is_a_failure(cli, tmp_path):
     done = cli("fit", "mita2003", "--free", "e", "--target", "displacement per blow=1e-9", *VOLTAGE)
     assert done.status == 1

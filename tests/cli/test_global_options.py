@@ -2,10 +2,6 @@
 
 import json
 import math
-import os
-import re
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
@@ -139,31 +135,3 @@ def test_quiet_leaves_out_warnings(cli, tmp_path, monkeypatch):
     monkeypatch.setattr("mems_impact.cli.pull_in.actuator_from", warned)
     assert "look like kilograms" in cli("pull-in", "mine.toml").err
     assert cli("pull-in", "mine.toml", "--quiet").err == ""
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(sys.platform == "win32", reason="terminals of Unix")
-@pytest.mark.parametrize(
-    ("colours", "more"), [({"NO_COLOR": "1"}, []), ({"FORCE_COLOR": "1"}, [SIMULATE])]
-)
-def test_a_terminal_sees_no_colours(tmp_path, colours, more):
-    # The package has none; what it stands on (click, tqdm, Python's tracebacks) must not add any.
-    import pty
-
-    program = [sys.executable, "-m", "mems_impact"]
-    for arguments in (["--help"], ["simulate", "nothing"], *more):
-        ours, theirs = pty.openpty()
-        done = subprocess.Popen(
-            [*program, *arguments], cwd=tmp_path, stdout=theirs, stderr=theirs,
-            env={**os.environ, "TERM": "xterm-256color", **colours},
-        )  # fmt: skip
-        os.close(theirs)
-        shown = b""
-        try:
-            while part := os.read(ours, 4096):
-                shown += part
-        except OSError:  # the other end is closed
-            pass
-        done.wait()
-        assert shown
-        assert not re.search(rb"\x1b\[[0-9;]*m", shown)

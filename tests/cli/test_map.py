@@ -3,7 +3,6 @@ import subprocess
 import sys
 import time
 
-import click
 import numpy as np
 import pandas as pd
 import pytest
@@ -112,15 +111,6 @@ def test_refused(cli, tmp_path, arguments):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.nightly
-def test_curves_over_a_map(cli, tmp_path):
-    done = cli(*ARGUMENTS, "--curves", "--executor", "processes", "--workers", "2")
-    assert done.status == 0
-    table = pd.read_csv(tmp_path / "out" / "map-curves.csv")
-    assert set(table["boundary"]) == {"on", "off"}
-    assert table["omega"].between(0.48, 0.5).all()
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to another process there")
 def test_an_interrupted_map_keeps_what_is_done(tmp_path):
@@ -145,17 +135,3 @@ def test_an_interrupted_map_keeps_what_is_done(tmp_path):
     done = int(line.split("interrupted after ")[1].split()[0])
     assert "map-table.csv" in line
     assert len(pd.read_csv(tmp_path / "out" / "map-table.csv")) == done > 0
-
-
-def test_a_column_is_checked_by_the_schema_alone(monkeypatch):
-    """No evaluator is made, which is a thing to follow motions by."""
-    from mems_impact.cli.map import _check_column
-    from mems_impact.studies.attractor_study import AttractorEvaluator
-
-    made = []
-    monkeypatch.setattr(AttractorEvaluator, "__init__", lambda *_, **__: made.append(1))
-    system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5))
-    _check_column("period", system, {})
-    with pytest.raises(click.UsageError, match="--column nothing"):
-        _check_column("nothing", system, {})
-    assert made == []

@@ -1,5 +1,3 @@
-import json
-
 import pandas as pd
 import pytest
 
@@ -76,21 +74,6 @@ def test_chart(cli, tmp_path):
     assert list(types["type"]) == ["II", "I"]
 
 
-@pytest.mark.nightly
-def test_a_chart_of_a_frame_that_slips_shows_the_frequencies_that_are_computed(cli, tmp_path):
-    design = ["--frequency", "3.3kHz", "--quality", "12", "--proof-mass", "1.4ug"]
-    design += ["--frame-mass", "20ug", "--gap", "3um", "--travel", "1.8um", "--pull-in", "42V"]
-    cli("new", "device", "own.toml", *design, "--friction", "0.5,0.35", "--restitution", "0.7")
-    arguments = ["--frequency", "1567.5:1606", "--crises", "2", "--no-figure"]
-    done = cli("chart", "own.toml", *arguments)
-    assert "NaN" not in done.out
-    shown = [line.split() for line in done.out.splitlines()[1:3]]
-    assert [row[0] for row in shown] == ["1567.5", "1606"]
-    table = pd.read_csv(tmp_path / "out" / "chart-boundaries.csv")
-    on = table[table["boundary"] == "on"].set_index("frequency [Hz]")["amplitude [V]"]
-    assert [float(row[2]) for row in shown] == pytest.approx(on.iloc[[0, -1]].tolist(), rel=1e-5)
-
-
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
@@ -112,19 +95,6 @@ def test_bad_input_is_one_line(cli, arguments, named):
     said = cli(*arguments).complaint()
     for word in named:
         assert word in said
-
-
-@pytest.mark.nightly
-def test_of_a_long_orbit_the_first_rows_are_shown(cli, tmp_path, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "300")  # one line per row
-    done = cli("orbit", "mita2003", "--amplitude", "100", "--frequency", "1", "--transient", "6")
-    impacts = pd.read_csv(tmp_path / "out" / "orbit-impacts.csv")
-    segments = pd.read_csv(tmp_path / "out" / "orbit-segments.csv")
-    assert f"First of {len(segments)} segments:" in done.out
-    assert len(segments) > 40 > len(done.out.splitlines()) - len(impacts)
-    told = cli("orbit", "mita2003", "--amplitude", "100", "--frequency", "1", "--transient", "6",
-               "--no-figure", "--json")  # fmt: skip
-    assert len(json.loads(told.out)["tables"]["segments"]["rows"]) == len(segments)
 
 
 def test_no_orbit_is_one_line(cli):

@@ -39,21 +39,6 @@ def test_tables_hold_what_python_gives(cli, tmp_path):
     )
 
 
-@pytest.mark.parametrize("method", ["adams", "bdf", "dop853"])
-def test_every_method_gives_the_same_motion(cli, tmp_path, method):
-    assert cli(*ARGUMENTS, "--no-figure", "--method", method, "--rtol", "1e-10").status == 0
-    written = pd.read_csv(tmp_path / "out" / "simulate-impacts.csv")
-    run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), periods=20)
-    assert written["time"].to_numpy() == pytest.approx(run.impacts["time"].to_numpy(), abs=1e-6)
-
-
-def test_screen_shows_statistics_and_first_impacts(cli, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "300")  # headings on one line
-    out = cli(*ARGUMENTS, "--no-figure").out
-    assert "impacts per period" in out
-    assert "v2 before" in out
-
-
 def test_blows_are_shown_and_written(cli, tmp_path):
     real = ["simulate", "mita2003", "--amplitude", "100", "--frequency", "1", "--no-figure"]
     done = cli(*real, "--periods", "3")
@@ -79,14 +64,6 @@ def test_a_run_without_impact_says_so(cli):
 def test_window_is_that_of_the_statistics(cli):
     out = cli(*ARGUMENTS, "--no-figure", "--window", "18:20").out
     assert "forcing periods 18 to 20" in out
-
-
-@pytest.mark.slow
-def test_figure_may_go_elsewhere(cli, tmp_path):
-    done = cli(*ARGUMENTS, "--figure", "figures/run.pdf", "--output", "tables")
-    assert done.status == 0
-    assert (tmp_path / "figures" / "run.pdf").read_bytes().startswith(b"%PDF")
-    assert not list((tmp_path / "tables").glob("*.p*"))
 
 
 def test_a_failed_run_keeps_its_tables(cli, tmp_path, monkeypatch):
@@ -190,17 +167,3 @@ def test_what_the_first_run_gave_stands_if_the_second_fails(cli, tmp_path, monke
     assert done.status == 130
     assert "out/simulate-impacts.csv" in done.err
     assert not (tmp_path / "out" / "simulate-verification.csv").exists()
-
-
-@pytest.mark.nightly
-def test_a_stiff_device_runs_as_it_is(cli):
-    """A squeeze film, with which Adams' method gets nowhere; a choice is kept."""
-    said = cli("simulate", "--help").out
-    assert "adams; auto with a term that may be stiff" in " ".join(said.split())
-    film = {"length": 2e-4, "width": 1e-4, "pressure": 1e5, "viscosity": 1.82e-5}
-    film["free_path_pressure"] = 6.7e-3
-    line = ["simulate", "mita2003", "--amplitude", "100", "--frequency", "1", "--periods", "0.01"]
-    for name, value in film.items():
-        line += ["--set", f"squeeze_film.{name}={value}"]
-    assert cli(*line, "--no-figure").status == 0
-    assert "max_steps" in cli(*line, "--no-figure", "--method", "adams").err

@@ -86,15 +86,3 @@ def test_tolerances_tell_of_devices_that_cannot_be(cli, tmp_path):
 )
 def test_bad_input_is_one_line(cli, arguments, complaint):
     assert complaint in cli(*arguments).complaint()
-
-
-@pytest.mark.nightly
-def test_a_map_with_energy(cli, tmp_path):
-    axes = ["--x", "amplitude=0.24:0.24:1", "--y", "omega=0.5:0.5:1"]
-    done = cli("map", "zhao2004", *axes, "--initial", "kicked", "--energy", "--no-figure")
-    assert done.status == 0
-    table = pd.read_csv(tmp_path / "out" / "map-table.csv")
-    orbit = mi.find_orbit(
-        mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), transient=300
-    )
-    assert table["energy in per impact"][0] == pytest.approx(mi.energy(orbit).input, rel=1e-5)

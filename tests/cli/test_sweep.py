@@ -1,7 +1,3 @@
-import signal
-import subprocess
-import sys
-
 import pandas as pd
 import pytest
 
@@ -95,33 +91,3 @@ def test_failed_values_are_said(cli, monkeypatch):
     assert done.status == 0
     assert "1 failed" in done.out
     assert "failed at 0.24: it broke" in done.out
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to another process there")
-def test_interrupted_sweep_keeps_what_is_done(tmp_path):
-    command = [sys.executable, "-m", "mems_impact", "sweep", "zhao2004"]
-    command += ["amplitude=0.16:0.24:100000", *BRIEF, "--progress"]
-    sweep = subprocess.Popen(
-        [*command, "--output", str(tmp_path)],
-        stderr=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        # A shell that starts something in the background lets its children ignore interrupts.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
-    # A line is on standard error once values are being done, after a second or more.
-    shown = b""
-    while b" points/s" not in shown and (more := sweep.stderr.read1()):
-        shown += more
-    sweep.send_signal(signal.SIGINT)
-    try:
-        _, rest = sweep.communicate(timeout=60)
-    finally:
-        sweep.kill()
-    assert sweep.returncode == 130
-    line = rest.decode().splitlines()[-1]
-    assert line.startswith("mems-impact: interrupted after ")
-    assert "sweep-table.csv" in line
-    done = int(line.split("after ")[1].split()[0])
-    table = pd.read_csv(tmp_path / "sweep-table.csv")
-    assert len(table.groupby(["amplitude", "direction"])) == done > 0

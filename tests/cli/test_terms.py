@@ -58,12 +58,3 @@ def test_a_sweep_over_a_term(cli, tmp_path):
     assert done.status == 0
     summary = pd.read_csv(tmp_path / "out" / "sweep-summary.csv")
     assert list(summary["frame_force.force"]) == [0.0, 2.0]
-
-
-@pytest.mark.nightly
-def test_a_branch_over_a_term(cli, tmp_path):
-    vary = "frame_force.force=0:0.5"
-    done = cli("continue", "zhao2004", vary, "--amplitude", "0.24", "--omega", "0.5")
-    assert done.status == 0
-    branch = pd.read_csv(tmp_path / "out" / "continue-branch.csv")
-    assert branch["step"].iloc[-1] < 0.99 * branch["step"].iloc[0]

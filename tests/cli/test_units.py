@@ -4,7 +4,6 @@ import json
 import math
 
 import pandas as pd
-import pytest
 
 import mems_impact as mi
 from mems_impact.cli.output import with_unit_column
@@ -110,14 +109,3 @@ def test_voltages_with_units_at_the_ends_of_a_range(cli, tmp_path):
     assert set(table["frequency [Hz]"]) == {100.0, 110.0}
     done = cli("sweep", "mita2003", "amplitude=20V:3um:2", "--frequency", "100")
     assert "values = '3um': must be a number [V]" in done.err
-
-
-@pytest.mark.nightly
-def test_voltages_of_a_report_with_units(cli, tmp_path):
-    done = cli(
-        "report", "mita2003", "--amplitude", "30V", "--voltages", "20V:0.03kV:2",
-        "--quick", "--frequency", "100Hz", "--transient", "1", "--periods", "1",
-        "--only", "Step and speed over the voltage",
-    )  # fmt: skip
-    assert done.status == 0
-    assert '<td class="number">30 V</td>' in (tmp_path / "report.html").read_text("utf-8")

@@ -34,16 +34,6 @@ def test_another_branch_crosses():
     assert np.abs(curve.table["a"]).max() < 1e-9
 
 
-@pytest.mark.nightly
-def test_the_branch_that_crosses_reverses_there_without_a_fold():
-    off = mi.find_orbit(SYMMETRIC.changed(a=0.5), periods=1)
-    assert off.state.x > 0.1
-    branch = mi.continue_solution(off, "a", -0.5, back=0.5)
-    assert [special.label for special in branch.special_points] == ["BP"]
-    assert abs(branch.special_points[0].value) < 1e-9
-    assert branch.orbits[-1].state.x == pytest.approx(-off.state.x, abs=1e-9)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("offset", "labels"), [(0.0, ["BP"]), (1e-9, []), (-1e-8, [])])
 def test_an_imperfection_above_the_error_of_integration_is_no_branch_point(offset, labels):
@@ -133,11 +123,6 @@ def symmetric_map(mode, t, y, p):
     return mode, (x, (0.3 + p.c) * y.w + 0.1 * y.x**2)
 
 
-def invariant_map(mode, t, y, p):
-    x = (1.0 + p.a - p.c) * y.x - y.x**2 * (1.0 + y.w)
-    return mode, (x, (0.3 + p.c) * y.w + 0.1 * y.x)
-
-
 def crossing_of(transition):
     system = mi.System(
         states=("x", "w"),
@@ -171,13 +156,3 @@ def test_curves_of_branch_points_of_maps():
     assert len(unfolded) == 1
     with pytest.raises(mi.InvalidParameter, match="other than the parameter of the branch"):
         mi.continue_curve(fork, "a", 1.0)
-
-
-@pytest.mark.nightly
-def test_a_curve_of_transcritical_points_on_an_invariant_line():
-    crossing = crossing_of(invariant_map)
-    steps = mi.StepControl(initial_step=0.1, max_step=1.0)
-    curve = mi.continue_curve(crossing, "c", 0.5, steps=steps)
-    assert curve.table["a"].to_numpy() == pytest.approx(curve.table["c"].to_numpy(), abs=1e-10)
-    assert len(curve) > 2
-    assert not curve.special_points

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
-from scipy.linalg import expm
+from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import mems_impact as mi
@@ -222,79 +221,6 @@ def rebound(mode, t, y, p):
     return mode, (y.x, -p.e * y.v)
 
 
-TWO_STOPS = mi.System(
-    states=("x", "v"),
-    flow=stops,
-    period=lambda p: 2.0 * math.pi / p.w,
-    parameters={"A": 0.8, "z": 0.05, "w": 0.7, "e": 0.7},
-    guards=[
-        mi.Impact("right stop", lambda mode, t, y, p: 1.0 - y.x, rebound),
-        mi.Impact("left stop", lambda mode, t, y, p: 1.0 + y.x, rebound),
-    ],
-    initial={"v": 1.0},
-)
-
-
-def half_map(A, z, w, e):
-    """Return the linearized half period of the symmetric orbit with the fastest impacts, mirrored.
-
-    After an impact on the right stop, at (1, -e v), the motion is a forced part f and a free one;
-    half a period later it is (-1, -v), with the forced part -f.
-    """
-    free = expm(math.pi / w * np.array([[0.0, 1.0], [-1.0, -2.0 * z]]))
-
-    def forced(v):
-        part = np.linalg.solve(np.eye(2) + free, [0.0, -(1.0 + e) * v])
-        return np.array([1.0, -e * v]) - part
-
-    def mismatch(v):
-        x, rate = forced(v)
-        return math.hypot(x, rate / w) - A / abs(1.0 - w**2 + 2j * z * w)
-
-    speeds = np.linspace(2.0, 0.01, 400)
-    signs = np.sign([mismatch(v) for v in speeds])
-    i = int(np.flatnonzero(signs[:-1] != signs[1:])[0])
-    v = brentq(mismatch, speeds[i + 1], speeds[i], xtol=1e-15)
-    x, rate = forced(v)
-    drive = -((1.0 - w**2) * x + 2.0 * z * rate)  # at the left stop
-    before, after = drive + 2.0 * z * v + 1.0, drive - 2.0 * z * e * v + 1.0
-    return -np.array([[-e, 0.0], [-(after + e * before) / v, -e]]) @ free
-
-
-@pytest.mark.nightly
-def test_symmetry_breaking_of_an_oscillator_between_two_stops():
-    orbit = mi.find_orbit(TWO_STOPS, transient=100)
-    branch = mi.continue_solution(orbit, "A", 0.68)
-    (fork,) = (special for special in branch.special_points if special.label == "BP")
-
-    def crossed(A):
-        """Zero if a multiplier of the mirrored half period is -1."""
-        values = {**TWO_STOPS.parameters, "A": A}
-        return np.linalg.det(half_map(**values) + np.eye(2))
-
-    expected = brentq(crossed, 0.7, 0.8, xtol=1e-14)
-    assert expected == pytest.approx(0.71281896408275, abs=1e-12)
-    assert fork.value == pytest.approx(expected, abs=1e-10)
-    curve = mi.continue_curve(fork, "z", 0.03)
-    for z, A in zip(curve.table["z"], curve.table["A"], strict=True):
-        assert np.linalg.det(half_map(A, z, 0.7, 0.7) + np.eye(2)) == pytest.approx(0.0, abs=1e-10)
-    assert len(curve) > 5
-    halves = mi.switch_branch(fork, bounds=(0.68, 0.8))
-    assert [special.label for special in halves.special_points] == ["BP"]
-    assert halves.special_points[0].value == pytest.approx(expected, abs=1e-10)
-    first, last = halves.orbits[0], halves.orbits[-1]
-    assert first.system.parameters["A"] == last.system.parameters["A"] == 0.68
-    assert first.stable
-    assert np.sort_complex(first.multipliers) == pytest.approx(np.sort_complex(last.multipliers))
-    speeds = [orbit.impacts["v before"].to_numpy() for orbit in (first, last)]
-    assert np.sort(speeds[0]) == pytest.approx(np.sort(-speeds[1]), abs=1e-8)
-    # Brute force
-    run = mi.simulate(TWO_STOPS.changed(A=0.68), periods=300)
-    settled = mi.find_orbit(run)
-    found = np.sort(np.abs(settled.impacts["v before"]))
-    assert found == pytest.approx(np.sort(np.abs(speeds[0])), abs=1e-8)
-
-
 @pytest.mark.nightly
 def test_symmetry_breaking_of_an_impact_pair():
     """A ball between the walls of a box of width 1 that moves by A sin t, in the frame of the box.
@@ -331,46 +257,3 @@ def test_symmetry_breaking_of_an_impact_pair():
     flights = [np.ptp(orbit.impacts["t"]) for orbit in (first, last)]
     assert sum(flights) == pytest.approx(2.0 * math.pi, abs=1e-8)
     assert abs(flights[0] - math.pi) > 0.1
-
-
-def ueda(mode, t, y, p):
-    return y.v, p.A * math.cos(t) - 0.2 * y.v - y.x**3
-
-
-def asymmetry(A):
-    """Return the square of x(t) + x(t + T/2) after a long run by another integrator."""
-
-    def flow(t, y):
-        return [y[1], A * math.cos(t) - 0.2 * y[1] - y[0] ** 3]
-
-    end = 2.0 * math.pi * 150.0
-    run = solve_ivp(
-        flow, (0.0, end + math.pi), [1.5, 1.0], method="DOP853", rtol=1e-9, atol=1e-11,
-        t_eval=[end, end + math.pi],
-    )  # fmt: skip
-    return float(run.y[0].sum() ** 2)
-
-
-@pytest.mark.nightly
-def test_symmetry_breaking_of_a_driven_duffing_oscillator():
-    """Beyond the branch point the square of the asymmetry grows from zero."""
-    system = mi.System(states=("x", "v"), flow=ueda, period=2.0 * math.pi, parameters={"A": 1.5})
-    orbit = mi.find_orbit(system, transient=200)
-    steps = mi.StepControl(max_step=0.1)
-    branch = mi.continue_solution(orbit, "A", 2.6, steps=steps)
-    (fork,) = branch.special_points
-    assert fork.criticality == "supercritical"
-    amplitudes = np.array([2.42, 2.44, 2.46, 2.48])
-    squares = np.array([asymmetry(A) for A in amplitudes])
-    assert np.all(np.diff(squares) > 0.0)
-    extrapolated = np.polynomial.polynomial.polyfit(squares, amplitudes, 3)[0]
-    assert fork.value == pytest.approx(extrapolated, abs=1e-5)
-    halves = mi.switch_branch(fork, bounds=(1.5, 2.5), steps=steps)
-    assert halves.symmetry.signs == {"x": -1, "v": -1}
-    assert halves.symmetry.half_period
-    assert [special.label for special in halves.special_points] == ["BP"]
-    at = mi.find_orbit(system.changed(A=2.48), guess={"x": 1.5, "v": 1.0}, transient=150)
-    found = at.samples(2)["x"].iloc[:2].sum() ** 2
-    assert found == pytest.approx(squares[-1], rel=1e-6)
-    x = halves.table[np.isclose(halves.table["A"], 2.5)]["x"]
-    assert len(x) == 2

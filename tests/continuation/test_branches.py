@@ -13,81 +13,27 @@ from mems_impact.continuation.branch import OrbitBranch, OrbitEvent
 from mems_impact.continuation.branch_switching import double_cover
 from mems_impact.continuation.grazing import change_signature
 from mems_impact.continuation.orbit_branch import _BranchProblem, follow
-from mems_impact.continuation.test_functions import FoldTest, SegmentLengthTest, closest_approach
+from mems_impact.continuation.test_functions import FoldTest, SegmentLengthTest
 from mems_impact.errors import InvalidParameter, OrbitError
-from mems_impact.hybrid.simulation import run
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from mems_impact.orbits.periodic_orbit import make_orbit
-from mems_impact.orbits.shooting import Shooting
-from mems_impact.orbits.signature import read_guess
-from tests.continuation import free_block
 from tests.orbits.audit import check_closed
 from tests.orbits.families import (
     DEVICE,
     FunctionFamily,
-    actuator,
     actuator_orbit,
     at,
     silent_orbit,
-    sticking,
     table,
 )
 
 # f of the special points at omega = 0.5 and 0.45, as computed from either side.
 GRAZING_5, FOLD_5 = 0.2271775831, 0.176515440628
-FOLD_45, DOUBLING_45 = 0.235565433578, 0.28738949077
 
 
 def values(branch, kind):
     return [special.value for special in branch.special_points if special.kind == kind]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["from rest", "from impacts"])
-def test_special_points_at_half_from_either_side(name):
-    if name == "from rest":
-        branch = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.1, high=0.3)
-        kinds = ["grazing", "fold"]
-    else:
-        branch = follow(actuator_orbit(0.24, 0.5), "amplitude", low=0.1, high=0.3, direction=-1)
-        kinds = ["fold", "grazing"]
-    assert [s.kind for s in branch.special_points] == kinds
-    assert values(branch, "grazing")[0] == pytest.approx(GRAZING_5, abs=1e-10)
-    assert values(branch, "fold")[0] == pytest.approx(FOLD_5, abs=1e-10)
-    assert branch.ended == "amplitude reached its bound"
-    assert all(0.1 <= point.value <= 0.3 for point in branch.points)
-    last = 0.3 if name == "from rest" else 0.1
-    assert branch.points[-1].value == pytest.approx(last, abs=1e-14)
-    # At the grazing itself the sign of the impact's speed is one of rounding.
-    away = [point for point in branch.points if abs(point.value - GRAZING_5) > 1e-9]
-    assert all(point.solution.admissible for point in away)
-    assert {point.piece for point in branch.points} == {0, 1}
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", ["from rest", "from impacts"])
-def test_special_points_at_nine_twentieths_from_either_side(name):
-    if name == "from rest":
-        branch = follow(silent_orbit(0.16, 0.45), "amplitude", low=0.1, high=0.3)
-    else:
-        branch = follow(actuator_orbit(0.29, 0.45), "amplitude", low=0.1, high=0.3, direction=-1)
-    assert values(branch, "fold")[0] == pytest.approx(FOLD_45, abs=1e-10)
-    assert values(branch, "period-doubling")[0] == pytest.approx(DOUBLING_45, abs=1e-10)
-    fold = next(s for s in branch.special_points if s.kind == "fold")
-    x, v, f = free_block.fold(0.45, (*fold.solution.state[2:], fold.value))
-    assert fold.value == pytest.approx(f, abs=1e-10)
-    np.testing.assert_allclose(fold.solution.state[2:], [x, v], atol=1e-6)
-
-
-@pytest.mark.nightly
-def test_orbits_of_a_branch_are_ones_that_a_run_follows():
-    branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.17, high=0.25)
-    # At the grazing itself the sign of the impact's speed is one of rounding.
-    away = [point for point in branch.points if abs(point.value - GRAZING_5) > 1e-9]
-    for point in away[::5]:
-        growth = max(1.0, float(np.abs(point.solution.multipliers).max()))
-        assert check_closed(point.solution) < 3e-9 * growth
 
 
 @pytest.mark.slow
@@ -110,17 +56,6 @@ def test_branches_in_other_parameters(parameter, low, high):
 
 
 @pytest.mark.nightly
-def test_fold_in_the_frequency_is_the_fold_in_the_amplitude():
-    branch = follow(actuator_orbit(0.24, 0.5), "omega", low=0.49, high=0.56)
-    fold = next(s for s in branch.special_points if s.kind == "fold")
-    beside = actuator(0.245, fold.value)
-    orbit = find_periodic_orbit(beside, fold.solution.instant, transient=300)
-    assert orbit.impacts
-    back = follow(orbit, "amplitude", low=0.2, high=0.26, direction=-1)
-    assert values(back, "fold")[0] == pytest.approx(0.24, abs=1e-9)
-
-
-@pytest.mark.nightly
 def test_branch_of_orbits_with_rest_and_chatter():
     orbit = find_periodic_orbit(table(amplitude=1.5), at((0.0, 0.0), mode=1), transient=50)
     branch = follow(orbit, "amplitude", low=1.49, high=1.51, steps=StepControl(max_points=6))
@@ -137,19 +72,6 @@ def test_without_reconnection_the_branch_continues_beyond_the_stopper():
     assert branch.ended == "amplitude reached its bound"
     for point in branch.points:
         assert point.solution.admissible == (point.value < GRAZING_5 + 1e-9)
-
-
-@pytest.mark.nightly
-def test_a_margin_that_starts_at_zero_and_rises_is_not_touched():
-    """The frame sticks until the wave switches; where it breaks away, its speed is zero."""
-    family = sticking()
-    settled = run(family.problem(), at((0.3, 0.0)), 30.0).final
-    guess = read_guess(family.problem(), settled, 1)
-    assert [s for before, s in pairwise(guess.segments) if before.mode == 0]
-    # There is an orbit from every place where it may stick, so that none is looked for.
-    shooting = Shooting(family, guess.segments, ("amplitude",))
-    point = shooting.evaluate(shooting.pack(guess), np.array([family.values["amplitude"]]))
-    assert closest_approach(shooting, point, 0).value > 0.1
 
 
 # Ends and refusals.
@@ -308,34 +230,3 @@ def test_what_changes_where_two_events_meet_is_listed_once(listed):
     assert [(s.kind, s.value, s.monitor) for s in found.special_points] == [
         ("fold", 0.16, fold.monitor)
     ]
-
-
-def test_progress_hears_every_value():
-    heard = []
-    branch = follow(
-        silent_orbit(0.16, 0.5), "amplitude", low=0.15, high=0.17, progress=heard.append
-    )
-    assert heard == [point.value for point in branch.points]
-
-
-def test_unknown_parameter_is_named():
-    with pytest.raises(InvalidParameter, match="voltage"):
-        follow(silent_orbit(0.16, 0.5), "voltage", low=0.1, high=0.3)
-
-
-@pytest.mark.nightly
-def test_a_bound_far_beyond_the_orbits_ends_by_name():
-    """Towards pull-in the free block has no orbit; whatever happens, it is said."""
-    start, steps = silent_orbit(0.16, 0.485), StepControl(max_points=40, max_step=0.2)
-    branch = follow(start, "amplitude", low=0.1, high=0.9, reconnecting=False, steps=steps)
-    assert branch.ended
-    assert len(branch.points) > 5
-
-
-@pytest.mark.nightly
-def test_no_parameter_moves_the_orbit():
-    """A still ball: the equations do not depend on the parameter."""
-    orbit = find_periodic_orbit(table(), at((0.0, 0.0), mode=1))
-    branch = follow(orbit, "e", low=0.4, high=0.6)
-    assert branch.points[0].solution.admissible
-    assert branch.ended  # not even the ball's rest is determined: it has no tangent

@@ -7,9 +7,7 @@ A / |2 - 1 + 0.2 i| at the most, so that it is touched where that is 1.
 import cmath
 import math
 
-import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import mems_impact as mi
 
@@ -91,50 +89,3 @@ def test_from_both_sides_wherever_the_period_begins(phase, k):
     check_through(into, phase, inwards=True)
     ends = into.orbits[-1].state.as_dict(), out.orbits[0].state.as_dict()
     assert list(ends[0].values()) == pytest.approx(list(ends[1].values()), abs=1e-8)
-
-
-def swing(mode, t, y, p):
-    force = (1.0 - y.x * y.x) * y.v - y.x
-    return (y.v, force) if mode == FREE else (y.v, force - 2.0 * (y.x - p.d))
-
-
-def gap_to(mode, t, y, p):
-    return p.d - y.x
-
-
-def depth_beyond(mode, t, y, p):
-    return y.x - p.d
-
-
-@pytest.mark.nightly
-def test_of_a_limit_cycle():
-    """Van der Pol's oscillator touches a spring that stands where SciPy's solver sees it turn."""
-
-    def turns(t, y):
-        return y[1]
-
-    turns.direction = -1.0
-    swings = solve_ivp(
-        lambda t, y: (y[1], (1.0 - y[0] * y[0]) * y[1] - y[0]), (0.0, 60.0), (0.5, 0.0),
-        method="DOP853", rtol=1e-12, atol=1e-14, events=turns,
-    )  # fmt: skip
-    amplitude = swings.y_events[0][-1, 0]
-    system = mi.System(
-        states=("x", "v"),
-        flow=swing,
-        parameters={"d": 1.98},
-        guards=[
-            mi.Guard("contact", gap_to, press, modes=(FREE,)),
-            mi.Guard("release", depth_beyond, release, modes=(PRESSED,)),
-        ],
-        initial={"x": 0.5},
-    )
-    out = mi.continue_solution(mi.find_orbit(system), "d", 2.03)
-    into = mi.continue_solution(mi.find_orbit(system.changed(d=2.03)), "d", 1.98)
-    for branch in (out, into):
-        (touched,) = branch.special_points
-        assert touched.kind == "contact"
-        assert touched.value == pytest.approx(amplitude, abs=1e-9)
-        assert branch.ended == "d reached its bound"
-    assert into.orbits[-1].period == pytest.approx(out.orbits[0].period, abs=1e-8)
-    assert np.allclose(into.orbits[0].multipliers, out.orbits[-1].multipliers, atol=1e-8)

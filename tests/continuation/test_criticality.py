@@ -155,24 +155,6 @@ def test_a_parametrically_excited_pendulum(turn, criticality):
     assert (table["stable"] == above).all()
 
 
-@pytest.mark.nightly
-def test_symmetric_cycles_of_the_lorenz_system():
-    """Sparrow (1982): a symmetric cycle is stable above r = 313, a pair of cycles below it."""
-    system = mi.System(
-        states=("x", "y", "z"), flow=lorenz, parameters={"r": 320.0},
-        initial={"x": 10.0, "y": 50.0, "z": 330.0}, section=("x", 0.0),
-    )  # fmt: skip
-    cycle = mi.find_orbit(system, transient=60.0)
-    fork = mi.continue_solution(cycle, "r", 305.0, stop_at="BP").special_points[-1]
-    assert (fork.label, fork.criticality) == ("BP", ABOVE)
-    assert fork.value == pytest.approx(313.0, abs=0.05)
-    pair = mi.switch_branch(fork, bounds=(300.0, 320.0), steps=mi.StepControl(max_points=10)).table
-    # Beside the point its error, from the integration, exceeds the distance in r.
-    assert pair["r"].max() < fork.value + 1e-4
-    assert pair["r"].iloc[0] < fork.value - 5e-4
-    assert pair["stable"].iloc[0]
-
-
 def vanderpol(mode, t, y, p):
     return y.v, (p.mu - y.x**2) * y.v - y.x + 1.2 * math.cos(1.7 * t)
 

@@ -10,7 +10,6 @@ from mems_impact.continuation.arclength import StepControl
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.continuation.orbit_curve import follow_curve
 from mems_impact.continuation.test_functions import MultiplierTest
-from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.continuation import free_block
 from tests.orbits.exact import Exact
@@ -65,23 +64,6 @@ def test_grazing_curve_passes_both_points(grazing_curve, grazing_fold, degenerat
     np.testing.assert_allclose(degenerate.values, degenerate_grazing[1:], atol=1e-8)
     assert grazing_curve.ended == "omega reached its bound"
     assert grazing_curve.values(grazing_curve.points[-1])[1] == pytest.approx(0.47, abs=1e-12)
-
-
-@pytest.mark.slow
-def test_points_of_the_grazing_curve_touch_the_stopper(grazing_curve):
-    for point in grazing_curve.points[::10]:
-        f, omega = grazing_curve.values(point)
-        state, _ = free_block.orbit(f, omega, point.state[2:])
-        np.testing.assert_allclose(point.state[2:], state, atol=1e-7)
-        assert free_block.highest(state, f, omega) == pytest.approx(0.5, abs=1e-7)
-
-
-@pytest.mark.slow
-def test_grazing_curve_towards_larger_frequencies(at_half):
-    (start,) = special(at_half, "grazing")
-    curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, direction=1)
-    assert curve.special_points == []
-    assert curve.values(curve.points[-1])[1] == pytest.approx(HIGH, abs=1e-12)
 
 
 def test_a_step_of_a_curve_that_is_too_long_is_halved(at_half):
@@ -209,15 +191,3 @@ def test_grazing_curve_in_closed_form(second, bound):
         amplitude, value = curve.values(point)
         values = {"omega": exact.omega, "c": exact.c, "d": exact.d, second: value}
         assert amplitude == pytest.approx(Exact(**values).graze, abs=1e-9)
-
-
-def test_two_parameters_are_two(at_half):
-    with pytest.raises(InvalidParameter, match="second"):
-        follow_curve(at_half.special_points[0], "amplitude", "amplitude", low=0.1, high=0.3)
-
-
-def test_progress_hears_every_point_of_a_curve(at_half):
-    (start,), heard = special(at_half, "grazing"), []
-    curve = follow_curve(start, "amplitude", "omega", low=LOW, high=0.5005, progress=heard.append)
-    assert curve.ended == "omega reached its bound"
-    assert heard == [curve.values(point)[1] for point in curve.points]

@@ -7,16 +7,13 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.continuation.branch_switching import (
-    first_orbit_on_branch,
     switch_at_period_doubling,
 )
 from mems_impact.continuation.orbit_branch import follow
-from mems_impact.errors import OrbitError
 from mems_impact.hybrid.simulation import run
 from mems_impact.orbits.orbit_search import find_periodic_orbit
-from tests.orbits.audit import check_closed
 from tests.orbits.exact import Exact
-from tests.orbits.families import actuator, actuator_orbit, at, oscillator, silent_orbit
+from tests.orbits.families import actuator_orbit, at, oscillator
 
 pytestmark = pytest.mark.nightly
 
@@ -33,47 +30,6 @@ def doubling():
     (found,) = special(branch, "period-doubling")
     assert found.value == pytest.approx(DOUBLING, abs=1e-9)
     return found
-
-
-@pytest.fixture(scope="module")
-def period_two(doubling):
-    orbit = switch_at_period_doubling(doubling.solution, "amplitude")[0]
-    return follow(orbit, "amplitude", low=0.1755, high=0.177)
-
-
-def test_the_period_doubles(doubling):
-    orbit, away = switch_at_period_doubling(doubling.solution, "amplitude")
-    assert orbit.periods == 2
-    assert orbit.admissible
-    assert check_closed(orbit) < 1e-8
-    speeds = [before[3] for _, _, before in orbit.impacts]
-    assert len(speeds) == 2
-    assert abs(speeds[0] - speeds[1]) > 1e-5
-    assert np.abs(orbit.multipliers - 1.0).min() < 1e-3  # (-1)^2, hardly moved
-    assert away[-1] == orbit.family.values["amplitude"] - doubling.value
-
-
-def test_the_doubling_at_this_frequency_is_subcritical(doubling, period_two):
-    """Period two leaves towards larger f, unstable, and turns stable where an impact is lost."""
-    first = period_two.points[0]
-    assert first.value > doubling.value
-    assert not first.solution.stable
-    grazing = special(period_two, "grazing")[0]
-    assert grazing.value > doubling.value
-    stable = [p.solution for p in period_two.points if p.piece == 1 and p.solution.stable]
-    assert stable
-    for orbit in stable[:: max(1, len(stable) // 4)]:
-        assert len(orbit.impacts) == 1
-        assert orbit.admissible
-        simulated = run(orbit.family.problem(), orbit.instant, 400).final.y
-        np.testing.assert_allclose(simulated[1:], orbit.state[1:], atol=1e-8)
-
-
-def test_period_four(period_two):
-    second = special(period_two, "period-doubling")[0]
-    orbit = switch_at_period_doubling(second.solution, "amplitude")[0]
-    assert orbit.periods == 4
-    assert check_closed(orbit) < 1e-7
 
 
 @pytest.mark.parametrize("omega", [0.7, 0.8, 2.1])
@@ -100,41 +56,6 @@ def test_supercritical_doublings_of_the_linear_oscillator(omega):
     for last in stable[1 :: max(1, len(stable) // 4)]:
         simulated = run(last.family.problem(), last.instant, 200).final.y
         np.testing.assert_allclose(simulated, last.state, atol=1e-8)
-
-
-def test_an_orbit_that_does_not_double_is_refused():
-    with pytest.raises(OrbitError, match="no multiplier -1"):
-        switch_at_period_doubling(actuator_orbit(0.24, 0.5), "amplitude")
-
-
-def test_a_doubled_branch_ends_in_the_doubling(doubling, period_two):
-    """Followed back, it is not a fold, and it does not run back upon itself in the other phase."""
-    start = period_two.points[min(5, len(period_two.points) - 1)].solution
-    back = follow(start, "amplitude", low=0.17, high=0.18, direction=-1)
-    (found,) = special(back, "period-doubling")
-    assert found.label == "PD"
-    assert found.value == pytest.approx(doubling.value, abs=1e-8)
-    assert back.points[-1].value == found.value
-    assert "half the period" in back.ended
-
-
-def test_the_fold_of_an_orbit_of_half_the_period_is_a_fold():
-    """The orbit without impacts, traversed twice: +1 over half the period, not -1."""
-    twice = silent_orbit(0.23, 0.45, periods=2)
-    assert twice.periods == 2
-    branch = follow(twice, "amplitude", low=0.225, high=0.24)
-    fold = branch.special_points[0]
-    assert (fold.kind, fold.label) == ("fold", "CF")
-    assert fold.value == pytest.approx(0.235565433578, abs=1e-9)
-    assert "half the period" not in branch.ended
-
-
-def test_what_is_listed_as_a_doubling_can_be_switched(doubling):
-    """A multiplier within 1e-3 of -1 is one that is -1, for the list and for the switch."""
-    beside = actuator(doubling.value - 1e-6, 0.485)
-    near = find_periodic_orbit(beside, doubling.solution.instant, active=("amplitude",))
-    assert 1e-4 < np.abs(near.multipliers + 1.0).min() < 1e-3
-    assert switch_at_period_doubling(near, "amplitude")[0].periods == 2
 
 
 def _double_well(mode, t, y, p):
@@ -201,35 +122,6 @@ BOOST = mi.System(
     guards=[mi.Guard("peak", _below_peak, _switch_off, modes=(ON,))],
     initial=mi.State(i=1.0, mode=ON),
 )
-
-
-def test_orbits_of_twice_the_period_at_one_value_of_the_parameter_lead_to_others():
-    """The orbits that double share one voltage, up to one with its peak current at the clock."""
-    branch = mi.continue_solution(mi.find_orbit(BOOST, transient=100), "V", 25.0)
-    (doubling,) = branch.special_points
-    rise, decay = 10.0 - 0.3 * 2.0, math.exp(0.3 * 0.1)
-    assert doubling.value == pytest.approx(rise * (1.0 + decay), abs=1e-9)
-    twice = mi.switch_branch(doubling, bounds=(12.0, 25.0))
-    collision, again = twice.special_points
-    assert collision.kind == "peak"
-    assert collision.value == pytest.approx(doubling.value, abs=1e-8)
-    # Beyond it the current reaches its peak in every second period only.
-    assert again.label == "PD"
-    assert again.value == pytest.approx(rise * (1.0 + decay**2), abs=1e-8)
-    assert twice.ended == "V reached its bound"
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_peak_at_the_start_of_either_period_is_passed(sign):
-    """The two senses of the null vector at a doubling give one orbit, begun a period apart."""
-    branch = mi.continue_solution(mi.find_orbit(BOOST, transient=100), "V", 25.0)
-    special = branch.special_points[0].numeric
-    orbit, away = switch_at_period_doubling(special.solution, "V")
-    doubled = np.append(orbit.point.unknowns, special.value) - away
-    orbit, away = first_orbit_on_branch(orbit.shooting, doubled, sign * away, (1.0,))
-    twice = follow(orbit, "V", low=12.0, high=19.2, direction=away)
-    assert [each.kind for each in twice.special_points] == ["peak"]
-    assert twice.ended == "V reached its bound"
 
 
 def test_the_doubling_of_a_linear_map_is_neither_super_nor_subcritical():

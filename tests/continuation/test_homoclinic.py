@@ -12,7 +12,6 @@ from mems_impact.continuation.homoclinic import (
     cycles_beside,
     homoclinic_value,
     saddle_quantity,
-    slow_passage,
 )
 
 STEPS = mi.StepControl(max_step=0.2)
@@ -157,52 +156,6 @@ def test_the_homoclinic_orbit_of_the_lorenz_system():
     assert not cycles.orbits[-1].stable
 
 
-def figure_eight(mode, t, y, p):
-    return y.v, y.x - y.x**3 + (p.a - y.x**2) * y.v
-
-
-def turns_back(a):
-    """Return whether the unstable manifold of the origin comes back to rest before it, at x > 0."""
-
-    def flow(t, y):
-        return [y[1], y[0] - y[0] ** 3 + (a - y[0] ** 2) * y[1]]
-
-    def position(t, y):
-        return y[0]
-
-    def velocity(t, y):
-        return y[1]
-
-    position.terminal = velocity.terminal = True
-    position.direction, velocity.direction = -1.0, 1.0
-    start = 1e-8 * np.array([1.0, 0.5 * (a + math.sqrt(a * a + 4.0))])
-    events = [position, velocity]
-    run = solve_ivp(flow, (0.0, 200.0), start, "DOP853", rtol=1e-12, atol=1e-14, events=events)
-    return run.t_events[0].size == 0
-
-
-@pytest.mark.nightly
-def test_a_symmetric_cycle_approaches_a_pair_of_homoclinic_orbits():
-    """It passes the saddle twice in a period. Against the unstable manifold, bisected by SciPy."""
-    low, high = 0.5, 1.2
-    while high - low > 1e-10:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if turns_back(middle) else (low, middle)
-    system = mi.System(
-        states=("x", "v"), flow=figure_eight, parameters={"a": 1.2}, initial={"x": 2.0}
-    )
-    cycle = mi.find_orbit(system, transient=100.0)
-    branch = mi.continue_solution(cycle, "a", stop=0.3, steps=mi.StepControl(max_step=0.2))
-    (fold,) = branch.special_points
-    assert fold.label == "CF"
-    end = branch.homoclinic
-    assert end.value == pytest.approx(low, abs=2e-5)
-    assert abs(end.value - low) < 3.0 * end.error
-    assert end.saddle_quantity == pytest.approx(low, abs=1e-3)  # the trace of the linear flow
-    assert end.cycles == "one unstable cycle"
-    assert not branch.orbits[-1].stable
-
-
 @pytest.mark.parametrize(
     ("eigenvalues", "quantity", "cycles"),
     [
@@ -229,70 +182,3 @@ def test_the_parameter_is_extrapolated_to_an_infinite_period():
     found, error = homoclinic_value(values, periods, 0.8)
     assert found == pytest.approx(1.25, abs=1e-12)
     assert error < 1e-12
-
-
-def spike(mode, t, y, p):
-    """As `circle`, with a turn that is up to 400 times as fast far from the bottleneck."""
-    x, v = y.x, y.y
-    inside, turn = 1.0 - x * x - v * v, (p.m - x) * (1.0 + 100.0 * (1.0 - x) ** 2)
-    return x * inside - v * turn, v * inside + x * turn
-
-
-@pytest.mark.nightly
-def test_a_bottleneck_between_spikes_that_no_sample_shows():
-    system = mi.System(states=("x", "y"), flow=spike, parameters={"m": 1.2}, initial={"x": 1.0})
-    cycles = [
-        mi.find_orbit(system.changed(m=1.0 + slow), transient=20.0).numeric
-        for slow in (0.2, 2e-2, 2e-3, 2e-4, 2e-5)
-    ]
-    passage = slow_passage(cycles)
-    assert passage is not None
-    assert passage.state == pytest.approx([1.0, 0.0], abs=0.05)
-    assert passage.passages == 1
-
-
-HIGH, LOW = mi.modes("high", "low")
-
-
-def lagged(mode, t, y, p):
-    return (1.0 if mode == HIGH else -1.0) - y.x, y.x - 3.0 * y.z
-
-
-def below_upper(mode, t, y, p):
-    return p.h - y.x
-
-
-def above_lower(mode, t, y, p):
-    return y.x + p.h
-
-
-def to_low(mode, t, y, p):
-    return LOW, (y.x, y.z)
-
-
-def to_high(mode, t, y, p):
-    return HIGH, (y.x, y.z)
-
-
-@pytest.mark.nightly
-def test_a_cycle_whose_thresholds_move_to_its_equilibria():
-    """The period 2 log((1 + h)/(1 - h)) is infinite at h = 1, where the branch ends."""
-    relay = mi.System(
-        states=("x", "z"),
-        flow=lagged,
-        parameters={"h": 0.5},
-        guards=[
-            mi.Guard("upper", below_upper, to_low, modes=(HIGH,)),
-            mi.Guard("lower", above_lower, to_high, modes=(LOW,)),
-        ],
-    )
-    branch = mi.continue_solution(mi.find_orbit(relay), "h", stop=2.0, steps=STEPS)
-    assert branch.ended.startswith("the period grows beyond bounds")
-    (last,) = branch.special_points
-    assert last.label in ("upper", "lower")
-    assert last.value == pytest.approx(1.0, abs=1e-9)
-    table = branch.table[branch.table["h"] < 0.999]
-    h = table["h"].to_numpy()
-    exact = 2.0 * np.log((1.0 + h) / (1.0 - h))
-    assert table["period"].to_numpy() == pytest.approx(exact, rel=1e-8)
-    assert branch.table["h"].is_monotonic_increasing

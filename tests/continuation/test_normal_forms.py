@@ -182,23 +182,6 @@ def test_fifth_order_of_a_chenciner_point(theta, a, b, s, t):
     assert form.criticality == ("supercritical" if exact < 0.0 else "subcritical")
 
 
-def _rossler(mode, t, y, p):
-    return -y.y - y.z, y.x + 0.2 * y.y, 0.2 + y.z * (y.x - p.c)
-
-
-@pytest.mark.nightly
-def test_a_supercritical_doubling_of_a_cycle_leads_to_stable_cycles():
-    system = mi.System(
-        states=("x", "y", "z"), flow=_rossler, parameters={"c": 2.6}, section=("y", 0.0),
-        initial={"x": -3.0, "y": 0.0, "z": 0.02},
-    )  # fmt: skip
-    branch = mi.continue_solution(mi.find_orbit(system, transient=200), "c", stop=3.2)
-    assert branch.special_table["criticality"].tolist() == ["supercritical"]
-    doubled = mi.switch_branch(branch.special_points[0], bounds=(2.6, 3.2)).table
-    assert (doubled["c"] > branch.special_points[0].value).all()
-    assert doubled["stable"].iloc[:3].all()
-
-
 @pytest.mark.nightly
 def test_criticality_of_the_actuator_by_the_doubled_orbits():
     """Through impacts and slips: doubled orbits are stable where the doubling is supercritical."""

@@ -110,23 +110,6 @@ def test_crossing_sliding_is_a_curve_in_two_parameters(start):
         assert abs(row.A - exact) < 1e-9
 
 
-@pytest.mark.nightly
-def test_where_static_friction_lets_a_block_jump_a_branch_ends_and_says_so():
-    orbit = mi.find_orbit(block(1.3).changed(A=1.1), transient=300)
-    branch = mi.continue_solution(orbit, "A", stop=1.6)
-    assert branch.ended.startswith("ground slips: no orbit was found near this one")
-    (point,) = branch.special_points
-    last = branch.orbits[-1].system.parameters["A"]
-    assert branch.table.admissible.all()
-    assert point.value == pytest.approx(last, abs=1e-8)
-    # At rest at zero the block holds out until the force reaches static friction.
-    times = np.linspace(0.0, 2.0 * math.pi / W, 200001)
-    force = last * np.cos(W * times) + 0.3 * np.sin(2.0 * W * times)
-    at_rest = branch.orbits[-1].samples(8).x
-    assert at_rest.max() == at_rest.min()
-    assert np.abs(force - at_rest.iloc[0]).max() == pytest.approx(1.3, abs=1e-7)
-
-
 def boost(ref):
     """A boost converter under peak current control, in units of its inductor and clock."""
 
@@ -195,6 +178,36 @@ def test_a_branch_passes_where_a_slip_ends_at_a_blow(tmp_path):
     assert orbit(0.998 * doubling.value).periods == 2
 
 
+def shifted_force(mode, t, y, p):
+    return y.v, p.A * math.cos(0.8 * t + p.phase) - y.x - 0.1 * y.v
+
+
+def gap(mode, t, y, p):
+    return 1.0 - y.x
+
+
+def rebound(mode, t, y, p):
+    return mode, (1.0, -0.8 * y.v)
+
+
+@pytest.mark.slow
+def test_an_impact_of_low_speed_passes_the_start_of_a_period():
+    """Near a grazing multipliers change fast; where the period begins is arbitrary."""
+    oscillator = mi.System(
+        states=("x", "v"),
+        flow=shifted_force,
+        period=2.0 * math.pi / 0.8,
+        parameters={"A": 0.6, "phase": 0.8 * 0.2715},
+        guards=[mi.Impact("stop", gap, rebound)],
+    )
+    branch = mi.continue_solution(mi.find_orbit(oscillator, transient=100), "A", stop=0.36)
+    impacts = [orbit.impacts["t"].iloc[0] for orbit in branch.orbits if len(orbit.impacts)]
+    assert max(impacts) > 7.0 > 1.0 > min(impacts)
+    doubling, grazing = branch.special_points
+    assert (doubling.label, grazing.label) == ("PD", "G")
+    assert grazing.value == pytest.approx(math.hypot(1.0 - 0.8**2, 0.1 * 0.8), abs=1e-9)
+
+
 def random_system(kind, rng):
     """A block on a spring, or two, under two harmonics: with friction, a stop, or both."""
 
@@ -243,33 +256,3 @@ def test_branches_of_random_systems_hold_admissible_orbits_only(kind, seed):
     )
     assert branch.table.admissible.all()
     assert all(point.orbit.admissible for point in branch.special_points)
-
-
-def shifted_force(mode, t, y, p):
-    return y.v, p.A * math.cos(0.8 * t + p.phase) - y.x - 0.1 * y.v
-
-
-def gap(mode, t, y, p):
-    return 1.0 - y.x
-
-
-def rebound(mode, t, y, p):
-    return mode, (1.0, -0.8 * y.v)
-
-
-@pytest.mark.slow
-def test_an_impact_of_low_speed_passes_the_start_of_a_period():
-    """Near a grazing multipliers change fast; where the period begins is arbitrary."""
-    oscillator = mi.System(
-        states=("x", "v"),
-        flow=shifted_force,
-        period=2.0 * math.pi / 0.8,
-        parameters={"A": 0.6, "phase": 0.8 * 0.2715},
-        guards=[mi.Impact("stop", gap, rebound)],
-    )
-    branch = mi.continue_solution(mi.find_orbit(oscillator, transient=100), "A", stop=0.36)
-    impacts = [orbit.impacts["t"].iloc[0] for orbit in branch.orbits if len(orbit.impacts)]
-    assert max(impacts) > 7.0 > 1.0 > min(impacts)
-    doubling, grazing = branch.special_points
-    assert (doubling.label, grazing.label) == ("PD", "G")
-    assert grazing.value == pytest.approx(math.hypot(1.0 - 0.8**2, 0.1 * 0.8), abs=1e-9)

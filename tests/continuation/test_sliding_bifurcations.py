@@ -9,7 +9,6 @@ import pytest
 from scipy.optimize import root
 
 import mems_impact as mi
-from mems_impact.continuation.sliding import Junction
 
 # --- A cycle that touches a wall
 
@@ -81,40 +80,6 @@ def test_a_type_that_cannot_be_determined_says_why(growth, monkeypatch):
     point = replace(growth.special_points[0])  # of which no type is known
     with pytest.raises(mi.OrbitError, match="a function of the system fails near the point"):
         _ = point.type
-
-
-@pytest.mark.nightly
-def test_a_flow_need_be_defined_only_a_little_beyond_the_orbit():
-    """Along a component that stays zero, too."""
-
-    def flow(mode, t, y, p):
-        if mode.wall == 1:
-            return -1.0, 0.0, -y.z
-        grows, turn = p.mu - y.x**2 - y.y**2, 15.0 * math.sqrt(0.01 - y.z)
-        return grows * y.x - turn * y.y, turn * y.x + grows * y.y, -y.z
-
-    system = mi.System(
-        states=("x", "y", "z"), flow=flow, parameters={"mu": 0.9}, initial={"x": 0.9},
-        parts=[mi.SwitchingSurface("wall", "x", level=1.0)],
-    )  # fmt: skip
-    (point,) = mi.continue_solution(mi.find_orbit(system, transient=20), "mu", 1.1).special_points
-    found = point.type
-    assert found == "grazing-sliding"
-    assert found.second == pytest.approx(1.5**2, rel=1e-8)
-
-
-@pytest.mark.nightly
-def test_points_without_a_discontinuity_have_no_type():
-    def bent(mode, t, y, p):
-        return y.v, -0.05 * y.v - y.x - y.x**3 + p.A * math.cos(1.6 * t)
-
-    system = mi.System(
-        states=("x", "v"), flow=bent, period=2.0 * math.pi / 1.6, parameters={"A": 0.4}
-    )
-    branch = mi.continue_solution(mi.find_orbit(system, transient=200), "A", stop=3.0)
-    fold = next(point for point in branch.special_points if point.label == "CF")
-    assert fold.type is None
-    assert set(branch.special_table["type"]) == {""}
 
 
 # --- A block with dry friction 1 on a spring, under two harmonics, in closed form
@@ -239,25 +204,6 @@ def test_a_branch_passes_all_sliding_bifurcations(climb):
 
 
 @pytest.mark.nightly
-def test_a_tangency_with_a_second_derivative_is_not_cubic(climb, monkeypatch):
-    """Such a point is no adding-sliding bifurcation, whatever the modes around it."""
-    derivative = Junction.derivative
-    point = named(climb)["adding"]
-    third = point.type.third
-
-    def bent(self, field, surface, order, t, y):
-        second = share * third * self.time_scale if order == 2 else 0.0
-        return derivative(self, field, surface, order, t, y) + second
-
-    monkeypatch.setattr(Junction, "derivative", bent)
-    share = 1e-3
-    assert replace(point).type.tangency == "cubic"
-    share = 0.1
-    with pytest.raises(mi.OrbitError, match=r"the tangency is (in)?visible, not cubic"):
-        _ = replace(point).type
-
-
-@pytest.mark.nightly
 def test_runs_stick_and_turn_as_often_as_the_branch_between_its_points(climb):
     table, counts = climb.table, []
     for piece in range(7):
@@ -367,31 +313,6 @@ def test_the_published_friction_oscillator_grazes_its_sliding_region():
 
 
 # --- Static friction above dynamic friction
-
-
-@pytest.mark.nightly
-def test_a_cycle_that_touches_the_speed_of_its_belt_grazes_where_it_sticks():
-    branch = mi.continue_solution(mi.find_orbit(damped_belt(), transient=60.0), "v", stop=0.6)
-    found = branch.special_points[-1].type
-    assert (found, found.modes) == ("grazing-sliding", ("slip", "stick"))
-    assert found.second > 0.0
-
-
-def damped_belt():
-    """A block on a belt, with hand-written modes."""
-    stick, slip = mi.modes("stick", "slip")
-    return mi.System(
-        states=("x", "v"),
-        flow=lambda mode, t, y, p: (y.v, 0.0 if mode == stick else 0.6 - 0.1 * y.v - y.x),
-        parameters={"v": 0.1},
-        guards=[
-            mi.Guard("slips", lambda mode, t, y, p: 1.0 - 0.1 * p.v - y.x,
-                     lambda mode, t, y, p: (slip, (y.x, p.v)), modes=(stick,)),
-            mi.Guard("sticks", lambda mode, t, y, p: p.v - y.v,
-                     lambda mode, t, y, p: (stick, (y.x, p.v)), modes=(slip,)),
-        ],
-        initial=mi.State(x=0.0, v=0.1, mode="stick"),
-    )  # fmt: skip
 
 
 # --- Corners and borders

@@ -46,19 +46,3 @@ def test_a_double_eigenvalue_has_no_criticality(damping, criticality):
     (pitchfork,) = mi.continue_solution(rest, "w", stop=2.0).special_points
     assert (pitchfork.label, pitchfork.criticality) == ("BP", criticality)
     assert pitchfork.value == pytest.approx(1.0, abs=1e-9)
-
-
-def kicked(mode, t, y, p):
-    return mode, (y.x, y.v - p.K * math.sin(y.x))
-
-
-@pytest.mark.nightly
-def test_the_fixed_point_of_the_standard_map_doubles_where_two_multipliers_meet():
-    rotor = mi.System(
-        states=("x", "v"), flow=lambda mode, t, y, p: (y.v, 0.0), parameters={"K": 3.137},
-        period=1.0, switches=lambda p: (0.3,), switch_transition=kicked,
-    )  # fmt: skip
-    orbit = mi.find_orbit(rotor, periods=1)
-    (doubling,) = mi.continue_solution(orbit, "K", stop=4.5).special_points
-    assert doubling.kind == "period-doubling"
-    assert doubling.value == pytest.approx(4.0, rel=1e-12)

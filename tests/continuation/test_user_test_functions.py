@@ -160,37 +160,6 @@ def test_a_function_that_raises_later_ends_the_branch(fixed_point):
     assert branch.table["x"].iloc[-1] == pytest.approx(0.55, abs=1e-6)
 
 
-def _ball(mode, t, y, p):
-    return y.v, -1.0
-
-
-def _table(mode, t, y, p):
-    return y.x - p.a * math.cos(p.w * t)
-
-
-def _bounce(mode, t, y, p):
-    speed = -p.a * p.w * math.sin(p.w * t)
-    return mode, (y.x, speed - p.e * (y.v - speed))
-
-
-@pytest.mark.nightly
-def test_impact_speed_of_a_ball_on_a_table():
-    """It bounces once a period with the relative speed 2 pi / ((1 + e) w), for any amplitude."""
-    ball = mi.System(
-        states=("x", "v"), flow=_ball, parameters={"a": 0.4, "w": 2.0, "e": 0.5},
-        guards=[mi.Guard("bounce", _table, _bounce, impact=True)],
-        period=lambda p: 2.0 * math.pi / p.w, initial={"x": 0.8, "v": 1.21},
-    )  # fmt: skip
-    orbit = mi.find_orbit(ball, periods=1, options=PLAIN)
-    events = {"strong": ("impact speed", 1.8), "least": lambda o: o.impacts["v after"].min() - 1.3}
-    branch = mi.continue_solution(orbit, "w", 2.5, events=events)
-    found = {special.label: special.value for special in branch.special_points}
-    assert found["strong"] == pytest.approx(2.0 * math.pi / (1.5 * 1.8), abs=1e-9)
-    assert found["least"] == pytest.approx(math.pi / 1.3, abs=1e-9)
-    weak = mi.continue_solution(orbit, "w", 2.5, steps=LONG, events=events, stop_at="least")
-    assert weak.table["w"].iloc[-1] == pytest.approx(math.pi / 1.3, abs=1e-9)
-
-
 @pytest.mark.slow
 def test_events_of_equilibria():
     def well(mode, t, y, p):

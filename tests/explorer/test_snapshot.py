@@ -174,18 +174,6 @@ def test_warnings_of_a_diagram_are_its_message(recwarn):
     assert not [each for each in recwarn if each.category is mi.TransientWarning]
 
 
-@pytest.mark.nightly
-def test_the_special_points_of_a_diagram_are_those_of_the_branch():
-    request = DiagramRequest(setting=first_setting(zhao()), points=5)
-    diagram = diagram_of(zhao(), request, slider_spec(zhao(), "amplitude"))
-    assert not diagram.continued
-    assert diagram.range == (0.0, pytest.approx(0.48))
-    found = with_special_points(zhao(), diagram).special_points
-    assert found["label"].tolist() == ["CF", "G"]
-    np.testing.assert_allclose(found["amplitude"], [0.1765154, 0.2271776], atol=1e-6)
-    assert found["v2"].between(0.4, 0.5).all()
-
-
 @pytest.mark.slow
 def test_a_motion_without_an_orbit_has_no_special_points(monkeypatch):
     setting = first_setting(zhao()).with_value("amplitude", 0.2357).with_value("omega", 0.45)
@@ -229,18 +217,6 @@ def test_what_watches_a_run_ends_it():
     )
     with pytest.raises(Enough):
         diagram_of(zhao(), request, along, watch)
-
-
-@pytest.mark.nightly
-def test_a_charge_drive_has_charges_in_its_headlines():
-    device = mi.load_actuator("mita2003").adding(mi.ChargeDrive(parasitic_capacitance="10 fF"))
-    subject = subject_of_device("mita2003", device, mi.Sine(amplitude="2 pC", omega=750.0))
-    setting = replace(first_setting(subject), length=2.0)
-    (headline,) = (
-        each for each in take_snapshot(subject, setting).headlines if each.name == "pull-in charge"
-    )
-    assert headline.value == mi.pull_in_charge(device)
-    assert subject.system.units.get(headline.quantity, "") == "C"
 
 
 def _cubic_spring(mode, t, y, p):

@@ -240,7 +240,6 @@ def test_wrong_arguments_are_refused(tmp_path, wrong, said):
 
 ZHAO, MITA = mi.load_actuator("zhao2004"), mi.load_actuator("mita2003")
 DOP853 = mi.Options(method="dop853")
-INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 SYSTEMS = {
     "zhao2004": (lambda: ZHAO.under(mi.Sine(amplitude=0.24, omega=0.5)), 19.9),
     "mita2003": (lambda: MITA.under(mi.Square(amplitude=60.0, frequency=100.0)), 5.9),
@@ -473,28 +472,6 @@ class Unit:
         return [self.own.getFloat64([self.references[name]])[0] for name in names]
 
 
-@pytest.mark.nightly
-@pytest.mark.usefixtures("unoptimized")
-def test_a_switch_at_a_communication_point_of_a_unit_with_inputs(tmp_path):
-    system = switched()
-    unit = Unit(system.to_fmu(tmp_path / "switched.fmu", inputs=["on"]))
-    for step in (5.0, 1.0, 0.5, 0.3):
-        unit.begin()
-        unit.advance(24.0, step)
-        run = mi.simulate(system, periods=24.0 / 5.0, options=INTERPRETED)
-        assert unit.values("x", "v") == pytest.approx([run.final["x"], run.final["v"]], rel=1e-6)
-        assert unit.own.getInt32([unit.references["event_count"]]) == [len(run.events)]
-        unit.set(on=0.6)  # times of switches change with an input
-        unit.advance(34.0, step)
-        later = mi.simulate(
-            system.changed(on=0.6), periods=2.0, initial=run.final, options=INTERPRETED
-        ).final
-        assert unit.values("x", "v") == pytest.approx([later["x"], later["v"]], rel=1e-6)
-        unit.own.reset()
-        unit.time = 0.0
-    unit.own.freeInstance()
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("unoptimized")
 def test_times_and_states_that_the_event_loop_cannot_take_are_refused(tmp_path):
@@ -632,24 +609,3 @@ def test_the_time_is_that_of_the_importer(tmp_path, kind, inputs):
         assert times == pytest.approx([20.1, 30.1, 33.3], rel=1e-12)
         ends = (10.0 + 50.2 + 0.0333 + 16.7, 0.5 * (2500.0 - start**2))
         assert (result["q"][-1], result["s"][-1]) == pytest.approx(ends, rel=1e-8)
-
-
-@pytest.mark.nightly
-@pytest.mark.usefixtures("unoptimized")
-def test_a_guard_waits_in_a_system_without_parameters(tmp_path):
-    """Below its margin from the start of its mode on, which rises."""
-    down, up = mi.modes("down", "up")
-    saw = mi.System(
-        states=("x",),
-        flow=lambda mode, t, y, p: (-1.0 if mode == down else 1.0,),
-        modes=(down, up),
-        guards=[
-            mi.Guard("turns", lambda mode, t, y, p: y.x + 1.0, lambda mode, t, y, p: (up, y),
-                     modes=(down,)),
-            mi.Guard("floor", lambda mode, t, y, p: y.x, lambda mode, t, y, p: (down, y),
-                     modes=(up,)),
-        ],
-    )  # fmt: skip
-    found, result = events_of(saw.to_fmu(tmp_path / "saw.fmu"), 5.0, "CoSimulation")
-    assert [at for at, _ in found.values()] == pytest.approx([1.0], rel=1e-12)
-    assert result["x"][-1] == pytest.approx(3.0, abs=1e-9)

@@ -237,14 +237,6 @@ def test_a_margin_that_is_not_a_number(engine, capfd):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("y", [[math.nan, 0.0], [0.0, math.inf]])
-def test_a_start_that_is_not_finite(y, engine, capfd):
-    with pytest.raises(RunError):
-        simulate(STOP, stop(), y, 5.0, engine=engine)
-    assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize("engine", ENGINES)
 def test_runs_are_silent(engine, capfd):
     simulate(BALL, ball(0.5, 0.9, 1.0), [1.0, 0.0], 3.0, engine=engine).samples(20)
     simulate(STOP, stop(amplitude=0.5, square=1.0), [0.0, 0.0], 2.0, engine=engine).samples(20)

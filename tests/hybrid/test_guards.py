@@ -302,30 +302,6 @@ def test_a_comparator_of_one_guard(options, band):
 
 # --- Orbits
 
-FIRST, SECOND = mi.modes("first", "second")
-
-
-@pytest.mark.nightly
-def test_an_orbit_may_have_a_guard_that_waits():
-    """A forced oscillator changes its stiffness at zero; "deep" waits below, and never fires."""
-    bilinear = mi.System(
-        states=("x", "v"),
-        flow=lambda mode, t, y, p: (
-            y.v, math.cos(t) - 0.4 * y.v - (3.0 if mode == FIRST else 5.0) * y.x),
-        period=2.0 * math.pi,
-        modes=(FIRST, SECOND),
-        guards=[
-            mi.Guard("down", lambda mode, t, y, p: y.x, to(SECOND), modes=(FIRST,)),
-            mi.Guard("up", lambda mode, t, y, p: -y.x, to(FIRST), modes=(SECOND,)),
-            mi.Guard("deep", lambda mode, t, y, p: y.x - 0.01, to(FIRST), modes=(SECOND,)),
-        ],
-        initial={"x": 0.4},
-    )  # fmt: skip
-    run = mi.simulate(bilinear, periods=30, options=mi.Options(method="dop853"))
-    assert set(run.events["event"]) == {"down", "up"}
-    assert mi.find_orbit(run).stable
-
-
 # --- Flat zeros
 
 FLYING, RESTING = mi.modes("flying", "resting")

@@ -15,67 +15,8 @@ from tests.hybrid.systems import ENGINES, STOP, simulate, stop, times
 # y = x, height, speeds; p = (amplitude, wave number, phases of the two floors).
 
 
-def _flight(mode, t, y, p, dy):
-    flies = 1.0 if mode == 0 else 0.0
-    dy[0], dy[1], dy[2], dy[3] = flies * y[2], flies * y[3], 0.0, -flies
-
-
-def _floors(mode, t, y, p, g, r):
-    if mode == 0:
-        for i in range(2):
-            phase = p[1] * y[0] + p[2 + i]
-            g[i] = y[1] - p[0] * math.sin(phase)
-            r[i] = y[3] - p[0] * p[1] * math.cos(phase) * y[2]
-
-
 def _stuck(mode, code, t, y, p):
     return 1
-
-
-# The first one, by order, is not the first one in time.
-FLIGHT = Automaton(
-    states=("x", "y", "u", "v"),
-    modes=("flies", "stands"),
-    guards=(Guard(name="one", order=1), Guard(name="other", order=0)),
-    flow=_flight,
-    margins=_floors,
-    transition=_stuck,
-)
-
-
-def first_strike(p, start):
-    """Return when and on which floor it strikes, by a dense grid."""
-    x, y, u, v = start
-    found = []
-    for i in range(2):
-
-        def height(t, i=i):
-            return y + v * t - 0.5 * t * t - p[0] * np.sin(p[1] * (x + u * t) + p[2 + i])
-
-        t = np.linspace(1e-9, 4.0, 400_001)
-        below = int(np.argmax(height(t) < 0.0))
-        found.append((brentq(height, t[below - 1], t[below], xtol=1e-14), i))
-    return min(found)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("period", [*(each for each in (0.1, 1.0)), 100.0])
-@pytest.mark.parametrize(("k", "amplitude"), [(20.0, 0.05), (60.0, 0.02)])
-def test_the_first_of_two_floors_is_struck(k, amplitude, period):
-    rng = np.random.default_rng(7)
-    for _ in range(40):
-        p = (amplitude, k, 0.0, rng.uniform(0.5, 5.5))
-        start = [
-            rng.uniform(0, 1),
-            1 + rng.uniform(0, 1),
-            rng.uniform(1, 3),
-            rng.uniform(-0.5, 0.5),
-        ]
-        done = simulate(FLIGHT, p, start, 4.0 / period, period=period)
-        events = done.events[done.events.kind == workspace.TRANSITION]
-        when, which = first_strike(p, start)
-        assert (len(events), events.guard[0]) == (1, which)
-        assert events.cycle[0] * period + events.time[0] == pytest.approx(when, abs=1e-8)
 
 
 # A floor of two wavelengths, through air: a margin may swing several times within a step, and look

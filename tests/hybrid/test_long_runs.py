@@ -12,7 +12,6 @@ from mems_impact.hybrid import engine as engine_module
 from mems_impact.hybrid import simulation
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import loop, workspace
-from mems_impact.hybrid.variational import lyapunov
 from mems_impact.integrators import interface
 from tests.hybrid import systems
 from tests.hybrid.systems import ENGINES, STOP, TAU, at, simulate, stop
@@ -120,18 +119,6 @@ def test_calls_of_the_loop_take_a_tenth_of_a_second(monkeypatch):
     assert quota.steps == pytest.approx(10, abs=1)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_the_first_call_of_the_loop_is_short_however_long_a_step_takes(engine):
-    def stop_at_once(_):
-        raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted) as caught:
-        simulation.run(
-            systems.problem(STOP, stop(), engine=engine), at([0.2, 1.5]), 1e6, progress=stop_at_once
-        )
-    assert 0 < caught.value.partial.steps <= (1 if engine == "interpreted" else 100)
-
-
 def _jump_flow(mode, t, y, p, dy):
     dy[0] = y[1]
     dy[1] = math.cos(t) - 0.3 * y[1] - y[0] + (0.5 if y[0] > 0.1 else -0.5)
@@ -163,26 +150,6 @@ def test_calls_that_end_at_a_collapsed_step_let_no_later_one_take_more_steps(mon
     trajectory = simulation.run(setup, at([0.2, 0.0]), 50.0)
     assert len(collapses) >= 4
     assert quota.steps <= 2 * trajectory.steps
-
-
-@pytest.mark.slow
-def test_each_collapsed_step_of_a_run_with_perturbations_is_reported(monkeypatch):
-    found = []
-    for steps in (1, 1_000_000):
-        collapses = []
-
-        def bound(of, steps=steps):
-            return replace(engine_module.create_engine(of), quota=engine_module.StepQuota(steps))
-
-        monkeypatch.setattr(lyapunov, "create_engine", bound)
-        setup = replace(
-            systems.problem(JUMP, (), method="dop853"),
-            discontinuity_check=lambda at, _, found=collapses: bool(found.append(at.y.tolist())),
-        )
-        lyapunov.LyapunovIntegrator(setup, at([0.2, 0.0]), chunk=4).advance_exponents(4)
-        found.append(collapses)
-    assert found[0] == found[1]
-    assert len(found[0]) >= 4
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -72,19 +72,6 @@ def test_all_closest_approaches_are_recorded(method):
     assert len(approaches) == round((1000.0 - math.pi / 2) // (2.0 * math.pi)) + 1
 
 
-@pytest.mark.nightly
-def test_a_slow_capacitor_reaches_its_relay():
-    def charge(mode, t, y, p):
-        return ((p.volts - y.u) / p.tau,)
-
-    circuit = mi.System(
-        states=("u",), flow=charge, parameters={"volts": 2.0, "tau": 1e6},
-        parts=[mi.Relay("relay", "u", lower=0.5, upper=1.5)],
-    )  # fmt: skip
-    run = mi.simulate(circuit, duration=3e6)
-    assert run.events["t"].tolist() == pytest.approx([1e6 * math.log(4.0)], rel=1e-7)
-
-
 def test_a_system_with_a_period_keeps_its_longest_step():
     box = mi.System(states=("x",), flow=lambda mode, t, y, p: (1.0,), period=1.0)
     assert mi.simulate(box, periods=100).trajectory.steps >= 1600

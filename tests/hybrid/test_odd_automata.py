@@ -8,15 +8,12 @@ import pytest
 from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import workspace
-from mems_impact.hybrid.state import HybridState
 from tests.hybrid.systems import (
     BALL,
     COULOMB,
     STUCK,
     ball,
     coulomb,
-    problem,
-    run,
     simulate,
     times,
 )
@@ -253,12 +250,6 @@ def test_starts_that_fit_no_automaton():
         simulate(BALL, ball(0.5), [1.0, 0.0], 1.0, mode=7)
 
 
-@pytest.mark.parametrize("periods", [0.0, -1.0, math.inf, math.nan])
-def test_a_run_has_a_length(periods):
-    with pytest.raises(InvalidParameter, match="periods"):
-        simulate(BALL, ball(), [1.0, 0.0], periods, engine="interpreted")
-
-
 def _fall_to_half(mode, t, y, p, g, r):
     if mode == 0:
         g[0], r[0] = y[0] - 0.5, -p[0]
@@ -294,16 +285,3 @@ def test_a_transition_to_a_mode_that_does_not_exist(mode, engine):
 def test_a_transition_to_a_state_that_is_not_finite(value, engine):
     with pytest.raises(RunError, match="'half' left a state that is not finite"):
         odd(_to_infinity, value, engine)
-
-
-@pytest.mark.parametrize("time", [-0.75, -1e-300, math.nan, math.inf])
-def test_a_start_at_no_time_of_a_period(time):
-    with pytest.raises(InvalidParameter, match=r"start\.time"):
-        simulate(BALL, ball(0.5), [1.0, 0.0], 1.0, time=time)
-
-
-@pytest.mark.parametrize("cycle", [1.5, 2**70, -(2**70), math.nan, math.inf])
-def test_a_start_in_no_period(cycle):
-    start = HybridState(cycle, 0.0, 0, np.array([1.0, 0.0]))
-    with pytest.raises(InvalidParameter, match=r"start\.cycle"):
-        run(problem(BALL, ball(0.5)), start, 1.0)

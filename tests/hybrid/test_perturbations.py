@@ -260,16 +260,6 @@ def test_perturbations_miss_no_pulse_that_the_run_resolves():
     assert loose.growth[0][0] == pytest.approx(fine.growth[0][0], abs=1e-5)
 
 
-def test_only_the_run_looks_for_events():
-    system = oscillator(A=0.5)
-    problem = replace(system.problem(PLAIN), section=(1, 0.0, 0))
-    one = LyapunovIntegrator(problem, system.state_space.instant(None, problem), chunk=2)
-    assert one._extended.engine.m == 1  # one margin that never fires
-    assert one._run.engine.section == -1  # perturbations need no crossings of a section
-    one.advance_exponents()
-    assert one._memory.clock["section"] == -1
-
-
 @pytest.mark.slow
 def test_the_same_to_the_last_bit():
     system = oscillator(A=0.5)
@@ -308,23 +298,3 @@ def test_errors_of_what_has_not_settled():
     told = standard_errors(grown, np.full(16, 60.0))[0]
     assert 0.5 * grown.sum() / 960.0 < told < 2.0 * grown.sum() / 960.0
     assert standard_errors(np.full((16, 1), -3.0), np.full(16, 60.0))[0] < 1e-9
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "drive",
-    [
-        mi.Sine(amplitude=0.28, omega=0.46),
-        mi.Square(amplitude=0.26, omega=0.9, duty=0.4),
-        mi.Pulse(amplitude=0.4, period=14.0, width=5.0, rise=0.5, fall=0.5),
-    ],
-    ids=lambda drive: type(drive).__name__,
-)
-def test_actuator(drive):
-    zhao = mi.load_actuator("zhao2004")
-    system = zhao.under(drive)
-    problem = system.problem(FAST)
-    start = run(problem, system.state_space.instant(mi.kicked_state(zhao), problem), 20.4).final
-    events = run(problem, start, 4).events
-    assert events.impacts(problem.automaton).sum() >= 2
-    check(problem, start, 4)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, expm_frechet
 
-from mems_impact.actuator.automaton import LEFT_IMPACT, RIGHT_IMPACT, SLIP_END
+from mems_impact.actuator.automaton import RIGHT_IMPACT
 from mems_impact.actuator.model import HIDDEN
 from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.errors import OrbitError
@@ -17,7 +17,7 @@ from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.variational.derivatives import Variational
 from mems_impact.integrators.options import Options
 from tests.hybrid.systems import ENGINES, STOP, TAU, at, problem, stop
-from tests.orbits.families import DEVICE, actuator
+from tests.orbits.families import actuator
 
 TIGHT = {"rtol": 1e-12, "atol": 1e-14}
 C, K, AMPLITUDE, OMEGA, D, E = 0, 1, 2, 3, 5, 6  # places in the parameters of STOP
@@ -173,46 +173,6 @@ def test_columns_of_the_actuator_are_differences_of_its_flow(mode):
         np.testing.assert_allclose(arc.by_parameter[:, column], difference(name=name), atol=3e-8)
 
 
-def test_impact_is_differentiated_as_equations_5_and_6_say():
-    _, variational = actuator_variational(*NAMES)
-    y = np.array([0.0, 0.03, DEVICE.delta, 0.4])
-    m1, m2, e = DEVICE.m1, DEVICE.m2, DEVICE.e
-    share = m2 / (m1 + m2)
-    for code, side in ((RIGHT_IMPACT, 1.0), (LEFT_IMPACT, -1.0)):
-        y[2] = side * DEVICE.delta
-        event = variational.event(1, code, 1.0, y)
-        after = [0.0, 0.03 + (1.0 + e) * share * 0.4, side * DEVICE.delta, -e * 0.4]
-        np.testing.assert_allclose(event.after, after, atol=1e-15)
-        assert event.mode == 1
-        gradient = [0.0, 0.0, -side, 0.0]
-        np.testing.assert_allclose(event.margin_by_state[code], gradient, atol=1e-12)
-        np.testing.assert_allclose(event.margin_by_time[code], 0.0, atol=1e-12)
-        by_parameter = np.zeros(len(NAMES))
-        by_parameter[1] = 1.0
-        np.testing.assert_allclose(event.margin_by_parameter[code], by_parameter, atol=1e-12)
-        assert event.margins[code] == pytest.approx(0.0, abs=1e-15)
-        assert event.rates[code] == pytest.approx(-side * 0.4, abs=1e-15)
-        jump = np.zeros((4, 4))
-        jump[0, 0] = jump[1, 1] = 1.0
-        jump[1, 3], jump[3, 3] = (1.0 + e) * share, -e
-        np.testing.assert_allclose(event.jump_by_state, jump, atol=1e-12)
-        np.testing.assert_allclose(event.jump_by_time, np.zeros(4), atol=1e-12)
-        by_parameter = np.zeros((4, len(NAMES)))
-        by_parameter[1, 0], by_parameter[3, 0] = share * 0.4, -0.4
-        by_parameter[2, 1] = side
-        by_parameter[1, 2] = (1.0 + e) * 0.4 * m1 / (m1 + m2) ** 2
-        by_parameter[1, 3] = -(1.0 + e) * 0.4 * m2 / (m1 + m2) ** 2
-        np.testing.assert_allclose(event.jump_by_parameter, by_parameter, atol=1e-11)
-
-
-def test_end_of_a_slip_is_differentiated():
-    _, variational = actuator_variational("c")
-    event = variational.event(1, SLIP_END, 1.0, np.array([0.0, 0.0, 0.3, 0.2]))
-    np.testing.assert_allclose(event.margin_by_state[SLIP_END], [0, 1, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(event.jump_by_state, np.diag([1.0, 0.0, 1.0, 1.0]), atol=1e-12)
-    assert event.mode == 0
-
-
 def test_engine_keeps_its_parameters_through_a_differentiation():
     made, variational = actuator_variational(*NAMES)
     before = variational.arc(0, STATE, 0.4, 1.9)
@@ -283,26 +243,6 @@ def test_derivatives_by_time_are_those_of_their_side_of_a_switch(room):
     slope = math.cos(0.7 - room)
     assert event.margin_by_time[0] == pytest.approx(slope, abs=1e-15)
     assert event.jump_by_time[0] == pytest.approx(slope, abs=1e-15)
-
-
-def _width_as_margin(mode, t, y, p, g, r):
-    g[0], r[0] = y[-1], float(len(y))
-
-
-def _width_as_state(mode, code, t, y, p):
-    y[-1] += float(len(y))
-    return mode
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("method", ["adams", "dop853"])
-def test_margins_and_transitions_take_no_columns(engine, method):
-    """With the columns they would read, and after a failure write, beyond the state of an event."""
-    system = replace(SWITCHED, margins=_width_as_margin, transition=_width_as_state)
-    made = problem(system, (0.7,), period=2.0, engine=engine, method=method, **TIGHT)
-    event = Variational(made, np.zeros((1, 1))).event(0, 0, 0.5, np.array([3.0]))
-    assert (event.margins[0], event.rates[0], event.after[0]) == (3.0, 1.0, 4.0)
-    np.testing.assert_allclose(event.jump_by_state, [[1.0]], atol=1e-12)
 
 
 def test_run_and_arc_agree():

@@ -81,13 +81,6 @@ def test_every_mutant_of_the_numerics_is_a_program_that_differs():
         assert ast.dump(ast.parse(mutant.applied(source))) != programs[mutant.path]
 
 
-@pytest.mark.nightly
-def test_the_draw_repeats():
-    few = "hybrid/event_loop/event_detection"
-    assert drawn(PROJECT, 3, 20, few) == drawn(PROJECT, 3, 20, few)
-    assert drawn(PROJECT, 3, 20, few) != drawn(PROJECT, 4, 20, few)
-
-
 def test_the_tests_of_every_room_exist():
     for place in (*WATCHED, *(name for names in UNSEEN.values() for name in names)):
         assert (PROJECT / place).exists(), place
@@ -201,13 +194,3 @@ def test_tests_in_turn():
     chosen = watched.in_turn(ran, ("c",), budget=20.0)
     assert chosen == ["b::two", "a::slow", "a::quick", "b::one", "c::one"]
     assert watched.in_turn(ran, (), budget=1.0) == ["b::two", "a::quick", "b::one"]
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("body", ["while True:\n        pass", "max(iter(int, 1))"])
-def test_a_mutant_that_hangs_is_killed(project, tmp_path, body):
-    trial = Copy.make(project, tmp_path / "copy")
-    test = "from pathlib import Path\n\n\ndef test():\n    Path('began').touch()\n"
-    (trial.root / FILE).write_text(f"{test}    {body}\n")
-    assert not trial.passes([FILE], {FILE: 5.0})
-    assert (trial.root / "began").exists()

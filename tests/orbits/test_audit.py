@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mems_impact.continuation.orbit_branch import follow
-from mems_impact.errors import OrbitError
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.continuation.free_block import flow, over_period
 from tests.orbits.audit import audit
@@ -14,7 +13,6 @@ from tests.orbits.families import (
     DEVICE,
     actuator_orbit,
     at,
-    oscillator,
     silent_orbit,
     table,
     table_in_the_room,
@@ -102,30 +100,3 @@ def test_an_impact_whose_outcome_depends_on_its_instant():
     result = audit(orbit)
     assert result.worst < 1e-8
     assert np.linalg.det(result.computed) == pytest.approx(0.25, abs=1e-9)  # e squared
-
-
-def test_audit_of_an_orbit_that_begins_at_rest():
-    result = audit(actuator_orbit(0.45, 0.1, transient=50))
-    assert result.worst < 1e-9
-
-
-def test_audit_names_the_worst_entry():
-    result = audit(actuator_orbit(0.24, 0.5))
-    row, column = result.entry
-    difference = np.abs(result.computed - result.simulated)
-    assert difference[row, column] == difference.max()
-
-
-def test_audit_refuses_an_orbit_that_no_run_follows():
-    family = oscillator(amplitude=0.5, omega=0.8)
-    branch = follow(
-        find_periodic_orbit(family.at(amplitude=0.3), at((0.0, 0.0)), transient=200),
-        "amplitude",
-        low=0.2,
-        high=0.5,
-        reconnecting=False,
-    )
-    penetrating = branch.points[-1].solution
-    assert not penetrating.admissible
-    with pytest.raises(OrbitError, match="not admissible"):
-        audit(penetrating)

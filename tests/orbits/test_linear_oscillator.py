@@ -86,33 +86,6 @@ def test_closed_form_closes():
     assert flip.multipliers[0] == pytest.approx(-1.0, abs=1e-12)
 
 
-@pytest.mark.nightly
-def test_derivative_of_the_orbit_by_its_parameters():
-    """Parameter columns and moving period: du/dp = -J^-1 R_p against the closed form."""
-    exact = Exact(omega=1.3)
-    expected = exact.orbit(1.5)
-    names = ("amplitude", "omega", "e", "c", "d")
-    guess = at((exact.d, -exact.e * expected.speed), time=expected.time)
-    orbit = find_periodic_orbit(family(exact, expected.amplitude), guess, active=names)
-    point = orbit.point
-    derivative = -np.linalg.solve(point.jacobian, point.by_parameter)[-1]  # of the impact's time
-
-    def time(**changes):
-        values = {n: getattr(exact, n) for n in ("omega", "c", "k", "d", "e")}
-        values = {**values, **changes}
-        amplitude = values.pop("amplitude", expected.amplitude)
-        moved = Exact(**values)
-        return moved.orbit(moved.speeds(amplitude)[1]).time
-
-    for column, name in enumerate(names):
-        value = expected.amplitude if name == "amplitude" else getattr(exact, name)
-        difference = sum(
-            weight * (time(**{name: value + s * 1e-3}) - time(**{name: value - s * 1e-3})) / 6e-2
-            for s, weight in ((1, 45.0), (2, -9.0), (3, 1.0))
-        )
-        assert derivative[column] == pytest.approx(difference, abs=1e-8)
-
-
 def test_derivative_by_the_frequency_of_a_square_wave():
     exact = Exact(omega=2.4, square=1.0)
     expected = exact.orbit_at(1.92)

@@ -141,20 +141,6 @@ def test_a_branch_without_special_points(orbit):
     assert lines(ax, "stable orbit")
 
 
-@pytest.mark.nightly
-def test_curves_of_an_own_system(branch, tmp_path):
-    curves = [mi.continue_curve(special, "omega", 0.82) for special in branch.special_points]
-    ax = mi.plot_curve(curves)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\omega$", "$A$")
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == [
-        "period-doubling", "grazing"]  # fmt: skip
-    (line,) = lines(ax, "grazing")
-    assert line.get_xydata() == pytest.approx(curves[1].table[["omega", "A"]].to_numpy())
-    ax.figure.savefig(tmp_path / "curve.png")
-    given = Figure().subplots()
-    assert mi.plot_curve(curves[0], given) is given
-
-
 def curve(kind, values, admissible, points):
     table = pd.DataFrame({"omega": [0.1, 0.2, 0.3, 0.4], "A": values, "admissible": admissible})
     return SimpleNamespace(

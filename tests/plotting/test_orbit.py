@@ -53,18 +53,6 @@ def test_section_is_marked(tmp_path):
     ax.figure.savefig(tmp_path / "orbit.png")
 
 
-@pytest.mark.nightly
-def test_one_state_alone_is_drawn_over_time():
-    def flow(mode, t, y, p):
-        return (np.cos(t) - y.u,)
-
-    system = mi.System(states=("u",), flow=flow, period=2 * np.pi)
-    ax = mi.plot_orbit(mi.find_orbit(system, transient=20))
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time", "$u$")
-    line = ax.lines[0].get_xydata()
-    assert line[:, 1] == pytest.approx((np.cos(line[:, 0]) + np.sin(line[:, 0])) / 2, abs=1e-6)
-
-
 def test_given_axes_and_wrong_arguments(orbit, run):
     ax = Figure().subplots()
     assert mi.plot_orbit(orbit, ax, x="v") is ax

@@ -1,13 +1,11 @@
 """Sweeps of any system."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
 import mems_impact as mi
 from mems_impact.plotting.labels import PANEL_LETTER
-from mems_impact.tables import with_units
 from tests.analysis.systems import oscillator
 from tests.plotting.sweeps import silent_table, sweep_table
 
@@ -119,29 +117,12 @@ def test_one_quantity():
         mi.plot_sweep(sweep_table(), quantity="speed")
 
 
-def test_a_table_from_a_file(tmp_path):
-    table = sweep_table(units={"amplitude": "V", "v2": "m/s"})
-    with_units(table).to_csv(tmp_path / "sweep.csv", index=False)
-    ax = mi.plot_sweep(pd.read_csv(tmp_path / "sweep.csv"))
-    assert ax.get_ylabel() == "$v_2$ [m/s] on the section"
-    assert ax.get_xlabel() == "amplitude [V]"
-    assert drawn(ax, "o") == sorted(table["amplitude"])
-
-
 def test_no_table_of_a_sweep():
     statistics = mi.Sweep(
         system=oscillator(), parameter="amplitude", table=sweep_table()
     ).statistics
     with pytest.raises(mi.InvalidParameter, match="sweep = 'DataFrame': must be a Sweep"):
         mi.plot_sweep(statistics)
-
-
-def test_one_direction_on_given_axes():
-    table = sweep_table()
-    ax = Figure().subplots()
-    assert mi.plot_sweep(table[table["direction"] == "up"], ax) is ax
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == [
-        "$f$ increased", "on at $f$ = 0.2 to 0.3"]  # fmt: skip
 
 
 @pytest.mark.quick(1)

@@ -5,12 +5,7 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.studies.attractor_continuation import AttractorContinuationStudy, _names
-from mems_impact.studies.attractor_matching import AttractorMatcher
-from mems_impact.studies.attractor_study import AttractorEvaluator
-from mems_impact.studies.engine.scheduler import run_study
-from mems_impact.studies.sampling import Axis
-from tests.studies.toys import bits
+from mems_impact.studies.attractor_continuation import _names
 
 ACTUATOR = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.2, omega=0.5)
@@ -68,22 +63,6 @@ def test_what_was_unknown_is_named_by_where_it_was_seen():
     assert found.branches["after"].tolist() == ["period 1 at amplitude = 0.24", ""]
 
 
-@pytest.mark.slow
-def test_chains_continue_from_what_was_carried(both, tmp_path):
-    study = AttractorContinuationStudy(
-        over=Axis("amplitude", tuple(VALUES.tolist())),
-        names=("off", "period 1"),
-        states=(both.state("off"), both.state("period 1")),
-        measuring=AttractorEvaluator(
-            system=both.system, recurrence=mi.RecurrenceOptions(exponents="none"), options=FAST
-        ),
-        recognition=AttractorMatcher(system=both.system, options=FAST, distance=1e-3),
-    )
-    assert [len(chain) for chain in study.chains] == [6, 5, 6, 5]
-    whole = run_study(study, chunk=100)
-    assert bits(run_study(study, chunk=2, workers=2, store=tmp_path)) == bits(whole)
-
-
 def test_a_value_that_is_not_allowed_is_in_no_branch(both):
     found = mi.continue_attractors(both, "e", [0.7, 0.8, 1.5], options=FAST)
     failed = found.table[found.table["attractor"] == "failed"]
@@ -106,18 +85,3 @@ def test_a_value_that_is_not_allowed_is_in_no_branch(both):
 def test_what_is_wrong_is_named(both, given, named):
     with pytest.raises(mi.InvalidParameter, match=named):
         mi.continue_attractors(**{"basins": both, "parameter": "e", "values": [0.8], **given})
-
-
-@pytest.mark.nightly
-def test_ends_are_those_of_continuation(over, both):
-    # The walk ends at a fold or a grazing of its orbit, rest at the first impact.
-    orbit = mi.find_orbit(both.system, guess=both.state("period 1"))
-    down = mi.continue_solution(orbit, "amplitude", stop=0.15)
-    stable = down.table[down.table["stable"] & down.table["admissible"]]
-    branches = over.branches.set_index("attractor")
-    step = VALUES[1] - VALUES[0]
-    assert 0.0 < branches.loc["period 1", "amplitude min"] - stable["amplitude"].min() < step
-    quiet = mi.find_orbit(both.system, guess=both.state("off"))
-    up = mi.continue_solution(quiet, "amplitude", stop=0.25)
-    stable = up.table[up.table["stable"] & up.table["admissible"]]
-    assert 0.0 < stable["amplitude"].max() - branches.loc["off", "amplitude max"] < step

@@ -1,26 +1,23 @@
 """Basins: attractors recognized across points, their shares; against closed forms and others."""
 
-import contextlib
 import math
 
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import mems_impact as mi
-from mems_impact.analysis.attractor import Attractor, InitialCondition, map_attractors
+from mems_impact.analysis.attractor import Attractor
 from mems_impact.studies.attractor_matching import (
     MODE,
     AttractorMatcher,
-    _neighbour_groups,
     label_points,
 )
 from mems_impact.studies.sampling import Axis, Grid, Sample
 from tests.analysis.systems import oscillator
 from tests.studies.one_impact import OneImpact
-from tests.studies.toys import bits, ctrl_c_in
+from tests.studies.toys import bits
 
 ACTUATOR = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.2, omega=0.5)
@@ -161,25 +158,6 @@ def test_motions_are_the_same_in_any_order():
     assert len({*zip(here[order], there, strict=True)}) == 4
 
 
-@pytest.mark.usefixtures("heard_in_background")
-def test_ctrl_c_while_motions_are_recognized_is_no_other_error():
-    """NumPy compares rows as structured arrays, and takes any exception for a wrong type."""
-    places = np.arange(10.0).reshape(5, 2)
-    functions = set()
-
-    def another_function(frame):
-        count = len(functions)
-        functions.add((frame.f_code.co_filename, frame.f_code.co_name))
-        return len(functions) > count
-
-    count = -1
-    while len(functions) > count:
-        count = len(functions)
-        with contextlib.suppress(KeyboardInterrupt), ctrl_c_in(another_function):
-            _neighbour_groups(places)
-    assert count > 10
-
-
 def test_a_period_or_a_mode_distinguishes_motions():
     places = [[1.0, 0.0]] * 5
     motions = [("periodic", 1), ("periodic", 2), ("resting", 1), ("resting", 1), ("failed", 0)]
@@ -289,24 +267,6 @@ def test_an_impact_oscillator_against_closed_forms():
             assert speed == pytest.approx(one.speed, rel=1e-8)
 
 
-@pytest.mark.nightly
-def test_a_saddle_is_no_attractor():
-    # One of these starts lies within 1e-5 of the stable manifold of the period-3 saddle, beside
-    # which it stays for more than a hundred periods, and then goes to the orbit without impacts:
-    # by adams, bdf and dop853, at tolerances of 1e-8 to 1e-12.
-    parameters = {"A": 1.0, "omega": 5.6, "zeta": 0.05, "wall": 0.1, "e": 0.8}
-    start, system = mi.State(x=0.099, v=-0.7 + 1.4 * 2 / 15), oscillator(**parameters)
-    (alone,) = map_attractors([InitialCondition(system, start)], options=FAST)
-    node, saddle = sorted(OneImpact(**parameters).orbits(3), key=lambda one: one.multiplier)
-    assert node.multiplier < 1.0 < saddle.multiplier
-    assert (alone.motion, alone.period) == ("off", 1)
-    values = np.linspace(-0.7, 0.7, 16)
-    found = mi.basins(system, x=("x", [0.05, 0.099]), y=("v", values), options=FAST)
-    assert (found.table[["x", "v"]] == [start.x, start.v]).all(axis=1).sum() == 1
-    periodic = found.attractors[found.attractors["motion"] == "periodic"]
-    assert periodic["speed"].to_numpy() == pytest.approx([node.speed], rel=1e-5)
-
-
 def duffing(**changes):
     """Attractors.jl's: Systems.duffing([0.1, 0.25]; ω = 1.0, f = 0.2, d = 0.15, β = -1)."""
 
@@ -319,26 +279,6 @@ def duffing(**changes):
         parameters={"d": 0.15, "f": 0.2, "omega": 1.0, "beta": -1.0, **changes},
         period=lambda p: 2.0 * math.pi / p.omega,
     )
-
-
-@pytest.mark.nightly
-def test_a_forced_double_well_with_smooth_boundaries_against_brute_force():
-    d, f, omega = 0.4, 0.1, 0.1
-    values = np.linspace(-2.2, 2.2, 20)
-    system = duffing(d=d, f=f, omega=omega)
-    found = mi.basins(system, x=("x", values), y=("v", values), options=FAST)
-    assert sorted(found.attractors["attractor"]) == ["period 1 a", "period 1 b"]
-    # All starts as one system, by SciPy.
-    x, v = found.table["x"].to_numpy(), found.table["v"].to_numpy()
-
-    def flow(t, y):
-        x, v = np.split(y, 2)
-        return np.concatenate([v, f * math.cos(omega * t) + x - x**3 - d * v])
-
-    run = solve_ivp(flow, (0.0, 4.0 * math.pi / omega), [*x, *v], "DOP853", rtol=1e-9, atol=1e-9)
-    wells = {name: found.state(name).x > 0.0 for name in found.attractors["attractor"]}
-    ours = [wells[name] for name in found.table["attractor"]]
-    assert ours == (run.y[: len(x), -1] > 0.0).tolist()
 
 
 @pytest.mark.nightly
@@ -356,19 +296,6 @@ def test_the_forced_double_well_against_attractors_jl():
     for name, share in shares.items():
         published = 0.489 if (found.state(name).x > 0.0) == first else 0.511
         assert abs(share - published) < 0.058
-
-
-@pytest.mark.nightly
-def test_a_chaotic_attractor_is_one():
-    # Ueda's: a hardening spring in a chaotic state, in which every motion ends.
-    system = duffing(d=0.05, f=7.5, beta=0.0)
-    recurrence = mi.RecurrenceOptions(transient=50, periods=50)
-    box = {"x": (0.0, 4.0), "v": (-4.0, 4.0)}
-    found = mi.basins(system, box=box, samples=40, recurrence=recurrence, options=FAST)
-    assert found.attractors["attractor"].tolist() == ["chaotic"]
-    assert set(found.table["motion"]) == {"unsettled"}
-    assert found.attractors["lyapunov exponent"][0] > 0.05
-    assert len(found.returns) == 50
 
 
 @pytest.mark.nightly

@@ -135,26 +135,6 @@ def test_bad_arguments_are_refused(arguments, message):
         mi.plot_diagram(1)
 
 
-def _isola(mode, t, y, p):
-    distance = 0.25 - y.x**2 - p.a**2
-    return distance, 2.0 * y.z - distance
-
-
-@pytest.mark.nightly
-def test_an_isola_of_unstable_equilibria_is_found_and_closed():
-    """The circle x^2 + a^2 = 1/4, to which no attractor and no other branch leads."""
-    system = mi.System(states=("x", "z"), flow=_isola, parameters={"a": 0.1}, initial={"x": 0.2})
-    box = {"x": (-1.0, 1.0), "z": (-1.0, 1.0)}
-    options = {"values": 5, "starts": 3, "recurrence": SHORT, "options": PLAIN}
-    diagram = mi.bifurcation_diagram(system, "a", (-1.0, 1.0), box=box, **options)
-    assert diagram.tree.splitlines()[1:] == [
-        "0: equilibria, a -0.5 to 0.5, closed, LP 0.5, LP -0.5"
-    ]
-    table = diagram.table
-    np.testing.assert_allclose(table["x"] ** 2 + table["a"] ** 2, 0.25, atol=1e-9)
-    assert not table["stable"].any()
-
-
 # --- Maps
 
 

@@ -40,12 +40,6 @@ def test_a_front_in_closed_form(front):
 
 
 @pytest.mark.nightly
-def test_points_that_another_beats_are_left_out(orbit):
-    both = mi.pareto_front(orbit, {"period": "minimize", "heater": "maximize"}, over=OVER, points=3)
-    assert both.table["q"].tolist() == [6.0]
-
-
-@pytest.mark.nightly
 def test_interrupted(orbit):
     def stop(points):
         if points == 3:

@@ -7,7 +7,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.hybrid.differences import weight_of
-from tests.analysis.oscillators import belt, belt_period, thermostat
+from tests.analysis.oscillators import thermostat
 from tests.analysis.systems import oscillator
 
 ZHAO = mi.load_actuator("zhao2004")
@@ -104,18 +104,6 @@ def test_thermostat_in_closed_form():
     assert found["q"] == pytest.approx(1.0 / (q - low) - 1.0 / (q - high), rel=1e-8)
     assert found["high"] == pytest.approx(1.0 / (q - high) + 1.0 / high, rel=1e-8)
     assert found["low"] == pytest.approx(-1.0 / (q - low) - 1.0 / low, rel=1e-8)
-
-
-@pytest.mark.slow
-def test_belt_in_closed_form():
-    v, drop = 0.3, 0.4
-    orbit = mi.find_orbit(belt(), guess=mi.State(x=0.0, v=0.1, mode="slip"))
-    assert orbit.period == pytest.approx(belt_period(v, drop))
-    found = mi.sensitivity(orbit, quantities=["period"]).gradient("period")
-    by_drop = -2.0 * v / (v**2 + drop**2) + 2.0 / v
-    by_speed = 2.0 * drop / (v**2 + drop**2) - 2.0 * drop / v**2
-    expected = {"v": by_speed, "Fs": by_drop, "Fd": -by_drop}
-    assert found.to_dict() == pytest.approx(expected, rel=1e-7)
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 import math
 import threading
-from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pandas as pd
@@ -10,7 +9,6 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.studies import sweep
-from tests.studies.toys import bits
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
@@ -139,12 +137,6 @@ def test_frequency_keeps_the_phase():
     assert state == mi.State(time=1.0, x2=0.1)
 
 
-def test_parameter_of_the_actuator():
-    table = swept((0.6, 0.8), "e", initial=mi.State(v2=1.0))
-    assert table.columns[0] == "e"
-    assert set(table["e"]) == {0.6, 0.8}
-
-
 def test_bias_from_zero():
     # The forcing period doubles where the bias sets in; the phase is carried over.
     table = swept((0.0, 0.1), "bias", initial=mi.State(v2=1.0))
@@ -231,23 +223,6 @@ def test_interruption(monkeypatch):
     pd.testing.assert_frame_equal(stop.partial, whole[whole["amplitude"] < 0.24])
 
 
-def test_interruption_of_threads(monkeypatch):
-    interrupting(monkeypatch, at=5)
-    before = threading.active_count()
-    with pytest.raises(mi.Interrupted) as caught:
-        swept(np.linspace(0.2, 0.24, 9), direction="both")
-    assert 0 < int(caught.value.after.split()[0]) < 18
-    assert threading.active_count() == before
-
-
-def test_interruption_before_anything(monkeypatch):
-    interrupting(monkeypatch, at=1)
-    with pytest.raises(mi.Interrupted) as caught:
-        swept(workers=1)
-    assert caught.value.after == "0 of 3 points"
-    assert caught.value.partial.empty
-
-
 @pytest.mark.parametrize(
     ("arguments", "field"),
     [
@@ -278,92 +253,3 @@ def test_a_quantity_of_a_data_sheet_is_reported_with_its_symbol():
     system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.2, omega=0.5))
     with pytest.raises(mi.InvalidParameter, match=r"parameter = 'gap': must be d, the symbol"):
         mi.sweep(system, "gap", [0.9, 1.1])
-
-
-def test_unknown_parameter_lists_the_known():
-    with pytest.raises(mi.InvalidParameter, match="amplitude, omega, bias, phase, m1"):
-        swept(parameter="volts")
-
-
-@pytest.mark.slow
-def test_a_stored_sweep_continues_where_it_was_interrupted(tmp_path):
-    values = np.linspace(0.2, 0.24, 8)
-    whole = swept(values, direction="both")
-
-    def interrupt(done):
-        if done >= 8:  # the values of one direction are stored together
-            raise KeyboardInterrupt
-
-    with pytest.raises(mi.Interrupted) as caught:
-        swept(values, direction="both", store=tmp_path, progress=interrupt, workers=1)
-    stored = mi.load(tmp_path)
-    assert 0 < stored.done < 16
-    assert caught.value.after == f"{stored.done} of 16 points"
-    assert bits(stored.table) == bits(caught.value.partial)
-    assert bits(swept(values, direction="both", store=tmp_path)) == bits(whole)
-
-
-def test_a_store_of_another_sweep_is_refused(tmp_path):
-    values, more = (0.2, 0.22, 0.24), {**SHORT, "store": tmp_path}
-    swept(values, store=tmp_path)
-    with pytest.raises(mi.InvalidFile, match=r"study: values\[1\] is 0.22 there, 0.21 here;"):
-        swept((0.2, 0.21, 0.24), store=tmp_path)
-    with pytest.raises(mi.InvalidFile, match=r"study: system.actuator.e is 0.8 there, 0.7 here;"):
-        mi.sweep(ZHAO.replace(e=0.7), DRIVE, "amplitude", values, **more)
-    with pytest.raises(mi.InvalidFile, match=r"study: system.drive.omega is 0.5 there, 0.6 here;"):
-        mi.sweep(ZHAO, DRIVE.replace(omega=0.6), "amplitude", values, **more)
-
-
-@pytest.mark.nightly
-def test_a_sweep_by_processes(forking, tmp_path):
-    def make():
-        return ProcessPoolExecutor(2, mp_context=forking)
-
-    values = np.linspace(0.2, 0.24, 20)
-    table = swept(values, direction="both", executor=make, store=tmp_path)
-    assert bits(table) == bits(swept(values, direction="both"))
-
-
-def pushed(mode, t, y, p):
-    return y.v, 1.0 - 0.1 * y.v
-
-
-def spring(mode, t, y, p):
-    return y.v, -y.x
-
-
-def cooled(mode, t, y, p):
-    return (1.0 - y.T - (0.5 if mode.valve == 1 else 0.0),)
-
-
-@pytest.mark.nightly
-def test_a_state_follows_the_stop_the_belt_and_the_surface_that_hold_it():
-    resting = mi.System(
-        states=("x", "v"),
-        flow=pushed,
-        parameters={"d": 1.0},
-        parts=[mi.Stopper("stop", "x", "v", upper="d", restitution=0.5)],
-    )
-    plain = {"duration": 1.0, "options": mi.Options(engine="interpreted", method="dop853")}
-    table = mi.sweep(resting, "d", [0.9, 1.0, 1.2], direction="both", transient=20, **plain).table
-    assert table["x"].to_list() == pytest.approx(table["d"].to_list(), abs=1e-9)
-    sticking = mi.System(
-        states=("x", "v"),
-        flow=spring,
-        parameters={"speed": 0.1},
-        parts=[mi.Friction("belt", "v", mu=0.9, static=1.0, surface="speed")],
-    )
-    table = mi.sweep(sticking, "speed", [0.1, 0.2], transient=1.0, **plain).table
-    assert table["v"].to_list() == pytest.approx([0.1, 0.2], abs=1e-12)
-    # It settles at 1/2 above the level, slides along it while both flows lead there, and settles at
-    # 1 below it.
-    sliding = mi.System(
-        states=("T",),
-        flow=cooled,
-        parameters={"level": 0.4},
-        parts=[mi.SwitchingSurface("valve", "T", level="level")],
-    )
-    levels = [0.4, 0.6, 0.8, 1.1]
-    table = mi.sweep(sliding, "level", levels, direction="both", transient=40, **plain).table
-    settled = np.clip(table["level"], 0.5, 1.0).to_list()
-    assert table["T"].to_list() == pytest.approx(settled, abs=1e-9)

@@ -165,17 +165,6 @@ def test_saved_and_pickled_in_the_units_in_which_it_counted(tmp_path):
     assert (shown.events["x"] == run.events["x"]).all()
 
 
-@pytest.mark.slow
-def test_a_sweep_is_in_the_users_units():
-    values = np.array([0.3, 0.5, 0.6])
-    how = {"transient": 5, "periods": 2, "options": PLAIN, "workers": 1}
-    one = mi.sweep(oscillator(), "A", values, **how).table
-    other = mi.sweep(oscillator(L, T, typical=SIZES), "A", values * L / T**2, **how).table
-    assert (other["x"] == one["x"] * L).all()
-    assert (other["v"] == one["v"] * L / T).all()
-    assert (other["speed"].dropna() == one["speed"].dropna() * L / T).all()
-
-
 @pytest.mark.nightly
 def test_orbits_and_branches_of_what_is_small():
     one = mi.find_orbit(oscillator(), transient=200)
@@ -202,76 +191,6 @@ def test_orbits_and_branches_of_what_is_small():
     assert other.impact_speeds == pytest.approx([other.observables["speed"]], rel=1e-9)
     silent = branches[1].table.query("impacts == 0").iloc[-1]
     assert silent["closest approach"] == pytest.approx(L * (1.0 - 0.3 / exact), rel=1e-8)
-
-
-@pytest.mark.quick(1)
-@pytest.mark.parametrize("rate", [1e5, 1e6])
-def test_a_table_that_vibrates_within_microseconds(rate):
-    def shaken(mode, t, y, p):
-        return y.v, -p.g - p.a * math.cos(p.omega * t)
-
-    def table(omega, **changes):
-        return mi.System(
-            states=("x", "v"), flow=shaken, period=lambda p: 2.0 * math.pi / p.omega,
-            parameters={"g": omega**2, "a": 0.8 * omega**2, "omega": omega},
-            initial={"x": 5.0, "v": 3.0 * omega}, **changes,
-            parts=[mi.Stopper("table", "x", "v", lower=0.0, restitution=0.8)],
-        )  # fmt: skip
-
-    one = mi.simulate(table(1.0), 30, options=PLAIN)
-    other = mi.simulate(table(rate, typical={"v": rate}), 30, options=PLAIN)
-    assert len(one.impacts) == len(other.impacts) > 20
-    first = slice(0, 20)
-    ours = other.impacts["t"].to_numpy()[first] * rate
-    assert ours == pytest.approx(one.impacts["t"].to_numpy()[first], rel=1e-6)
-
-
-def relief(unit_of_time, unit_of_length, unit_of_pressure, **changes):
-    """A relief valve: a disc on a spring over the pressure that a pulsing pump raises."""
-
-    def flow(mode, t, y, p):
-        lift, pressure = y.lift / p.length, y.pressure / p.pascal
-        damping = 1.25 * y.speed / p.length * p.second
-        force = pressure - 10.0 - lift - damping
-        inflow = 6.0 + 3.0 * math.cos(2.0 * math.pi * t / p.second / 8.0)
-        out = lift * math.sqrt(abs(pressure))
-        return (
-            y.speed,
-            force * p.length / p.second**2,
-            18.0 * (inflow - out) * p.pascal / p.second,
-        )
-
-    return mi.System(
-        states=("lift", "speed", "pressure"),
-        flow=flow,
-        period=lambda p: 8.0 * p.second,
-        parameters={
-            "second": unit_of_time, "length": unit_of_length, "pascal": unit_of_pressure,
-        },
-        initial={"lift": unit_of_length, "pressure": 11.0 * unit_of_pressure},
-        parts=[
-            mi.Stopper("seat", "lift", "speed", lower=0.0, restitution=0.6),
-            mi.Friction("packing", "speed", mu=lambda u, p: 0.4 * p.length / p.second**2,
-                        static=lambda p: 0.6 * p.length / p.second**2),
-        ],
-        **changes,
-    )  # fmt: skip
-
-
-@pytest.mark.nightly
-def test_a_valve_at_250_hertz_in_si_that_slides_sticks_and_stops():
-    one = mi.simulate(relief(1.0, 1.0, 1.0), 6, options=PLAIN)
-    second, metre, pascal = 1.0 / 250.0 / 8.0, 1e-4, 2e4
-    typical = {"lift": metre, "speed": metre / second, "pressure": pascal, "time": second}
-    other = mi.simulate(relief(second, metre, pascal, typical=typical), 6, options=PLAIN)
-    assert other.system.forcing_period == pytest.approx(1.0 / 250.0)
-    assert {"seat", "packing slip end", "packing slips"} <= set(one.events["event"])
-    assert one.events["event"].tolist() == other.events["event"].tolist()
-    assert other.events["t"].to_numpy() / second == pytest.approx(
-        one.events["t"].to_numpy(), rel=1e-7
-    )
-    ours = other.events["pressure"].to_numpy() / pascal
-    assert ours == pytest.approx(one.events["pressure"].to_numpy(), rel=1e-6)
 
 
 @pytest.mark.slow

@@ -1,14 +1,12 @@
 """A table without rows has the columns, types and units of one with rows."""
 
 import math
-from dataclasses import replace
 
 import pytest
 from scipy import stats
 
 import mems_impact as mi
 from mems_impact.actuator import results
-from mems_impact.studies.attractor_search import attractor_table
 
 PLAIN = mi.Options(method="dop853", engine="interpreted")
 FAST = mi.Options(method="dop853")
@@ -84,17 +82,6 @@ def test_a_bifurcation_diagram():
     bare = mi.bifurcation_diagram(system, "a", (-0.5, -0.4), **given)
     check(bare.special_table, full.special_table)
     assert list(full.special_table)[-1] == "branch"
-
-
-@pytest.mark.nightly
-def test_a_bifurcation_diagram_without_branches(orbit):
-    full = mi.bifurcation_diagram(
-        orbit.system, "A", (0.1, 0.25), values=2, starts=0, recurrence=SHORT, options=FAST, depth=0
-    )
-    none = replace(full, branches=(), parents=(), origins=())
-    check(none.table, full.table)
-    check(none.special_table, full.special_table)
-    check(attractor_table(full.system, "A", []), full.attractors)
 
 
 def test_basins_whose_points_all_failed():

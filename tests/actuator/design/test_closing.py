@@ -63,31 +63,6 @@ def test_a_contact_spring_of_61_khz_would_collapse():
     assert volts.max() < mi.pull_in_voltage(SWITCH)
 
 
-@pytest.mark.slow
-def test_closing_is_that_of_scipy(found):
-    """The first bounces, by integration in a fixed frame with Newton's restitution.
-
-    The frame of the preset has 1e5 times the mass of the block.
-    """
-    t, y = 0.0, np.zeros(2)
-    for row in range(4):
-        t, y, height = flight(SWITCH, 90.0, t, y)
-        mine = found.table.iloc[row]
-        assert mine["t"] == pytest.approx(t, rel=3e-5 if row else 1e-8)
-        assert mine["impact speed"] == pytest.approx(y[1], rel=1e-4 if row else 1e-7)
-        if row:
-            assert found.table["height"].iloc[row - 1] == pytest.approx(height, rel=3e-4)
-        y = np.array([SWITCH.delta, -SWITCH.e * y[1]])
-    assert found.closing_time == found.table["t"].iloc[0]
-    assert found.stopper == "right"
-    assert found.bounces == int((found.table["height"] >= 0.01 * SWITCH.delta).sum()) == 2
-    # The flights of a chatter sequence are a geometric series, almost from the start.
-    late = found.table.iloc[6]
-    end = late["t"] + late["flight"] / (1.0 - SWITCH.e)
-    assert found.settling_time == pytest.approx(end, rel=1e-5)
-    assert mi.closing(SWITCH, STEP, smallest_bounce=1e-3).bounces == 3
-
-
 def test_energy_of_a_closing(found):
     """A constant voltage does the work alpha v^2 (1/(d - delta) - 1/d)."""
     ends = 1.0 / (SWITCH.d - SWITCH.delta) - 1.0 / SWITCH.d

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from tests.actuator.slipping import LIGHT, PULLED, SLIPPING
+from tests.actuator.slipping import PULLED, SLIPPING
 
 INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 PAPER = mi.load_actuator("zhao2004")
@@ -76,17 +76,6 @@ def test_no_steps_say_why():
                          initial=mi.kicked_state(PAPER), options=INTERPRETED)  # fmt: skip
     with pytest.raises(mi.InvalidParameter, match=r"no step of 1 .* more periods"):
         struck.step_lengths()
-
-
-@pytest.mark.nightly
-def test_speed_over_the_voltage_of_one_side():
-    one = mi.Sine(amplitude=0.24, omega=0.5)
-    pair = mi.TwoSided(right=one, left=mi.Sine(amplitude=1e-9, omega=0.5))
-    settings = {"transient": 200, "periods": 10}
-    alone = mi.speed_over_voltage(PAPER, one, [0.2, 0.24], **settings)
-    right = mi.speed_over_voltage(PAPER, pair, [0.2, 0.24], parameter="right.amplitude", **settings)
-    assert right.parameter == right.table.columns[0] == "right.amplitude"
-    np.testing.assert_allclose(right.table.to_numpy(), alone.table.to_numpy(), rtol=1e-6)
 
 
 def test_speed_over_voltage_and_resolution(tmp_path):
@@ -251,51 +240,3 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
                 turns.append(np.median(np.abs(np.diff(speeds))) / np.abs(speeds).max())
             assert turns[0] < 1e-6
             assert turns[1] > 1e-3
-
-
-@pytest.mark.nightly
-def test_a_window_continues_where_only_the_slips_change():
-    # At 51.9 V a slip ends at the impact: before and after it, one impact a period is stable.
-    ends = []
-    for amplitude in (50.0, 60.0):
-        drive = mi.Sine(amplitude=amplitude, omega=2.0 * math.pi * 600.0)
-        window = mi.period_one_window(LIGHT, drive, (40.0, 95.0))
-        assert (window.low_kind, window.high_kind) == ("period-doubling", "period-doubling")
-        ends.append((window.low, window.high))
-    assert ends[0] == pytest.approx(ends[1], rel=1e-8)
-    # As runs know it: the same step in every period within, and two in turn beyond.
-    low, high = ends[0]
-    for amplitude, doubled in ((1.01 * low, False), (0.99 * low, True), (0.99 * high, False)):
-        drive = mi.Sine(amplitude=amplitude, omega=2.0 * math.pi * 600.0)
-        run = mi.simulate(LIGHT, drive, 1200, window=(1100, 1200))
-        steps = run.impacts["step"].to_numpy()[-20:-1]
-        assert (abs(steps[-1] - steps[-2]) > 1e-3 * abs(steps[-1])) == doubled
-
-
-@pytest.mark.nightly
-def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
-    """The frame no longer rests before the blow: with static friction above dynamic, a jump."""
-    LIGHT = mi.Actuator(
-        m1=1.55e-6, m2=2.064e-7, k=8.3167, c=6.0304e-5, d=5.9128e-6, delta=3.7902e-6, e=0.4971,
-        mu_s=0.36546, mu_d=0.25008, alpha=2.2e-20, g=9.81, units="SI",
-    )  # fmt: skip
-    drive = mi.Sine(amplitude=109.0, omega=3105.0)
-    window = mi.period_one_window(LIGHT, drive, (50.0, 120.0))
-    assert (window.low_kind, window.high_kind) == ("period-doubling", "bound")
-    orbit = mi.find_orbit(LIGHT, drive, guess=mi.kicked_state(LIGHT), transient=300)
-    branch = mi.continue_solution(orbit, "amplitude", stop=50.0)
-    assert branch.ended.startswith("slip end: no orbit was found near this one")
-    last = branch.orbits[-1].system.parameters["amplitude"]
-    assert last > 1.2 * window.low
-    state = orbit.state
-    for volts in np.linspace(109.0, 1.002 * window.low, 30):
-        run = mi.simulate(
-            LIGHT, mi.Sine(amplitude=float(volts), omega=3105.0), periods=150, initial=state
-        )
-        state = run.final
-    found = mi.find_orbit(run, transient=600)
-    assert (found.periods, found.stable, len(found.impacts)) == (1, True, 1)
-    lower = mi.Sine(amplitude=0.995 * window.low, omega=3105.0)
-    run = mi.simulate(LIGHT, lower, periods=600, initial=state)
-    speeds = run.impacts["v2 before"][-40:]
-    assert speeds.max() > 1.1 * speeds.min()  # chaotic, about orbits of two and more periods

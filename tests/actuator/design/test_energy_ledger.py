@@ -36,21 +36,6 @@ CASES = {
 }
 
 
-LOSSY = {
-    "leads": (mi.SeriesResistance(resistance=0.1, parasitic_capacitance=0.2),),
-    "stoppers that yield": (mi.CompliantStopper(stiffness=1e4, damping=0.3),),
-    "all": (
-        mi.SqueezeFilm(
-            length=1.0, width=0.5, pressure=1.0, viscosity=1.0, free_path_pressure=0.0, sides="both"
-        ),
-        mi.SeriesResistance(resistance=0.1, parasitic_capacitance=0.2),
-        mi.CompliantStopper(stiffness=1e4, damping=0.3),
-        mi.StribeckFriction(speed=0.01, viscous=0.1),
-        mi.Fringing(width=4.0),
-    ),
-}
-
-
 def simulated(actuator, drive, periods, **given):
     return mi.simulate(
         actuator, drive, periods, initial=mi.kicked_state(actuator), **{"options": OPTIONS, **given}
@@ -75,18 +60,6 @@ def test_the_balance_closes(name):
     assert abs(found.imbalance) < 2e-8 * (abs(found.input) + found.lost)
     lost = found.table["energy"][found.table["kind"] == "lost"]
     assert (lost >= -1e-12 * found.lost).all()
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", LOSSY)
-def test_the_balance_closes_with_terms_that_lose(name):
-    run = simulated(ZHAO.adding(*LOSSY[name]), mi.Sine(amplitude=0.3, omega=0.5), 4)
-    found = mi.energy(run, 0.0, 3.8)
-    assert len(run.impacts) >= 1
-    assert abs(found.imbalance) < 2e-8 * (abs(found.input) + found.lost)
-    lost = found.table[found.table["kind"] == "lost"].set_index("account")["energy"]
-    for term in ("series_resistance", "compliant_stopper", "squeeze_film"):
-        assert term not in lost or lost[term] > 0.0
 
 
 def test_the_balance_closes_to_the_tolerance():

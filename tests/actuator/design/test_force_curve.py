@@ -67,14 +67,6 @@ def test_the_walk_ends_where_the_load_and_the_block_reach_static_friction(curve)
 
 
 @pytest.mark.nightly
-def test_steps_are_those_of_runs(curve):
-    loaded = ZHAO.adding(mi.FrameForce(force=8.0))
-    run = mi.simulate(loaded, DRIVE, 60, initial=mi.kicked_state(ZHAO), options=OPTIONS)
-    moved = run.statistics["displacement per period"]
-    assert curve.table["displacement per period"].iloc[1] == pytest.approx(moved, rel=1e-6)
-
-
-@pytest.mark.nightly
 def test_a_frame_that_always_slips_is_not_running_away():
     # Beyond the friction on a frame that slips, 2.47 uN, nothing ends a slip; below, all do.
     loads = [-2.6e-6, 0.0, 0.5e-6, 2.6e-6, 3e-6]
@@ -107,15 +99,6 @@ def test_friction_that_rises_with_the_speed_holds_in_the_end():
     curve = mi.force_curve(spring, PULLED, [3.2e-6], transient=0, periods=2,
                           initial=mi.State(v1=-0.01), options=OPTIONS)  # fmt: skip
     assert curve.table["does"].tolist() != ["runs away"]
-
-
-@pytest.mark.nightly
-def test_figure_and_file(curve, tmp_path):
-    ax = mi.plot_force_curve(curve)
-    assert {text.get_text() for text in ax.get_legend().get_texts()} >= {"orbit", "runs away"}
-    ax.figure.savefig(tmp_path / "load.png")
-    curve.save(tmp_path / "load.zip")
-    assert mi.load(tmp_path / "load.zip") == curve
 
 
 def test_what_it_does_not_take():

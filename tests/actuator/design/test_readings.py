@@ -113,17 +113,6 @@ def test_ring_down_in_closed_form():
     assert found.table["t"].iloc[0] == pytest.approx(2.0 * math.pi / root, rel=1e-9)
 
 
-@pytest.mark.nightly
-def test_ring_down_between_stoppers_that_yield():
-    device = ZHAO.adding(mi.CompliantStopper(stiffness=1e4, damping=0.3))
-    found = mi.ring_down(device, DRIVE, options=FINE)
-    zeta = ZHAO.c / 2.0  # of c = 2 zeta, k = m2 = 1
-    assert found.damping_ratio == pytest.approx(zeta, rel=1e-8)
-    # The kick has struck both stoppers before.
-    assert found.table["t"].iloc[0] > math.pi
-    assert found.table["amplitude"].iloc[0] < ZHAO.delta
-
-
 def test_ring_down_of_a_run_in_si(tmp_path):
     run = mi.simulate(MITA, mi.Sine(amplitude=20, omega=1500), 20, options=OPTIONS)
     found = mi.ring_down(run, options=OPTIONS)
@@ -166,18 +155,6 @@ def test_ring_down_in_vacuum(quality):
     assert ended - begun == pytest.approx(decay * math.log(100.0), rel=1e-5)
     friction = light.mu_s * (light.m1 + light.m2) * light.g
     assert found.table["amplitude"].max() <= friction / light.k
-
-
-@pytest.mark.nightly
-def test_a_slow_decay_whose_frequency_depends_on_the_amplitude():
-    # Of a spring x + k3 x^3 it is 1 + 3/8 k3 a^2 to first order, and a falls exponentially.
-    k3 = 0.0625
-    device = ZHAO.replace(c=1e-5).adding(mi.CubicStiffness(k3=k3))
-    found = mi.ring_down(device, DRIVE, initial=mi.State(x2=0.4))
-    hardening = 0.375 * k3 * found.table["amplitude"].iloc[0] ** 2
-    share = (1.0 - 0.01**2) / (2.0 * math.log(100.0))
-    assert 2.0 * math.pi * found.frequency == pytest.approx(1.0 + hardening * share, rel=1e-6)
-    assert found.time_constant == pytest.approx(2e5, rel=1e-3)
 
 
 def test_a_block_that_does_not_swing():

@@ -1,7 +1,6 @@
 """Runs in SI are the dimensionless runs, with units beside the headings."""
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -71,15 +70,6 @@ def test_statistics(pair):
     assert math.isclose(plain.periods, scaled.periods, rel_tol=1e-12)
 
 
-def test_final_state_continues(pair):
-    plain, scaled = pair
-    more = mi.simulate(PAPER, DRIVE, 3, initial=plain.final)
-    again = mi.simulate(SI, VOLTS, 3, initial=scaled.final)
-    for name, unit in (("x1", "m"), ("x2", "m"), ("v2", "m/s"), ("time", "s")):
-        wanted = getattr(more.final, name) * SCALES.unit(unit)
-        assert abs(getattr(again.final, name) - wanted) <= 1e-9 * SCALES.unit(unit)
-
-
 def test_a_block_on_its_stopper_stays_within_it():
     # Scaling back rounds; the last state must be one that a run accepts.
     for d in np.linspace(1e-6, 9e-6, 23):
@@ -97,34 +87,3 @@ def test_states_out_of_range_are_said_in_si():
         mi.simulate(SI, VOLTS, 1, initial=mi.State(x2=1e-3))
     with pytest.raises(mi.InvalidParameter, match="below the forcing period"):
         mi.simulate(SI, VOLTS, 1, initial=mi.State(time=1.0))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("parameter", ["amplitude", "k"])
-def test_sweep(parameter):
-    numbers = {"amplitude": np.array([0.2, 0.24]), "k": np.array([0.95, 1.0])}[parameter]
-    unit = {"amplitude": "V", "k": "N/m"}[parameter]
-    settings = {"transient": 50, "periods": 5, "direction": "both"}
-    plain = mi.sweep(PAPER, DRIVE, parameter, numbers, **settings).table
-    sweep = mi.sweep(SI, VOLTS, parameter, numbers * SCALES.unit(unit), **settings)
-    scaled = sweep.table
-    assert scaled.columns[0] == parameter
-    assert scaled.attrs["units"][parameter] == unit
-    assert with_units(scaled).columns[0] == f"{parameter} [{unit}]"
-    speeds = plain["v2"].to_numpy() * SCALES.unit("m/s")
-    np.testing.assert_allclose(scaled["v2"], speeds, rtol=1e-6)
-    steps = plain["displacement per period"].to_numpy() * SCALES.unit("m")
-    np.testing.assert_allclose(scaled["displacement per period"], steps, rtol=1e-6, atol=1e-20)
-    assert sweep.statistics.attrs["units"]["v2 max"] == "m/s"
-    axes = mi.plot_sweep(sweep).figure.axes
-    assert axes[-1].get_xlabel().endswith(f"[{unit}]")
-    units = [re.search(r"\[.*\]", ax.get_ylabel()).group() for ax in axes]
-    assert units == ["[mm/s]", "[nm]", "[nm/s]"]
-    shown = axes[0].lines[0].get_ydata()  # of which the numbers on the axis are told in thousandths
-    assert set(np.round(shown, 12)) <= set(np.round(scaled["v2"], 12))
-
-
-def test_plot_of_a_run(pair):
-    block, frame = mi.plot_run(pair[1]).figure.axes
-    assert "[µm]" in block.get_ylabel()
-    assert "[µm]" in frame.get_ylabel()

@@ -73,15 +73,6 @@ def test_values(found, tmp_path):
     assert "width [s]" in found._repr_html_()
 
 
-@pytest.mark.nightly
-def test_damping_and_flanks():
-    """The largest impact speed vanishes with damping, and with flanks of 2 us."""
-    bounds = {"width": ("5 us", "20 us"), "pause": ("2 us", "20 us")}
-    damped = mi.soft_landing(SWITCH, PULSE.replace(rise=2e-6), over=bounds)
-    assert damped.speed < 1e-3 * damped.step_speed
-    assert damped.drive.rise == 2e-6
-
-
 @pytest.mark.slow
 def test_defaults_without_units():
     """From the device alone: 1.2 times the pull-in voltage."""

@@ -48,13 +48,3 @@ def test_verbs_of_the_steady_state(slipping, speed):
         device, drive, [drive.frequency], direction="down", options=options
     )
     assert response.table["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-3)
-
-
-@pytest.mark.nightly
-def test_a_report_has_one_number(slipping, speed):
-    device, drive = slipping
-    text = f"{1e3 * speed:.4g}"
-    page = mi.report(device, drive, only=["Motion", "Step and speed over the voltage"],
-                     voltages=[drive.amplitude])  # fmt: skip
-    assert page.facts["mean speed"].split()[0].replace("−", "-") == text
-    assert page.facts["largest speed"].split()[0].replace("−", "-") == text

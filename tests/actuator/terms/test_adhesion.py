@@ -39,22 +39,3 @@ def test_a_block_that_sticks_never_leaves():
             start = mi.State(x2=0.5 * side)
             run = mi.simulate(device, SILENT, duration=50.0, initial=start, options=PLAIN)
             assert (abs(run.final.x2) < 0.5) is leaves
-
-
-def test_an_impact_is_what_it_was():
-    start, hits = mi.State(x2=0.5, v2=1.0), []
-    for device in (ZHAO, ZHAO.adding(mi.Adhesion(force=0.3))):
-        run = mi.simulate(device, SILENT, duration=1.0, initial=start, options=PLAIN)
-        hits.append([run.final.x1, run.final.x2, run.final.v2])
-    assert hits[0] == pytest.approx(hits[1], abs=1e-12)
-
-
-def test_no_work_over_a_contact():
-    # The block comes and goes at the face; damping aside, its energy is what it was.
-    smooth = ZHAO.replace(c=0.0, mu_s=1e6).adding(mi.CompliantStopper(stiffness=1e3, exponent=1.5))
-    run = mi.simulate(smooth.adding(mi.Adhesion(force=0.3)), SILENT, duration=3.0,
-                      initial=mi.State(v2=1.0), options=PLAIN)  # fmt: skip
-    assert len(run.impacts) == 2
-    final = run.final
-    assert 0.5 * (final.v2**2 + final.x2**2) == pytest.approx(0.5, rel=1e-9)
-    assert run.impacts["energy lost"].max() == 0.0

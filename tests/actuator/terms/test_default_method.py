@@ -71,10 +71,3 @@ def test_results_and_files_tell_the_method(tmp_path):
         store=store,
     )  # fmt: skip
     assert '"auto"' in json.dumps(json.loads((store / "study.json").read_text())["identity"])
-
-
-@pytest.mark.slow
-def test_energies_of_such_a_run_are_by_its_method():
-    run = mi.simulate(ZHAO.adding(FILM), DRIVE, 2, options=INTERPRETED)
-    found = mi.energy(run)
-    assert abs(found.imbalance) < 1e-6 * found.input

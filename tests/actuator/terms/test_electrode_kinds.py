@@ -348,28 +348,3 @@ def test_drawn_force_and_contact_voltage():
     assert force.max() == pytest.approx(expected, rel=1e-9)
     with pytest.warns(mi.UnitsWarning, match=r"the block needs 36\.68 V to reach a stopper"):
         comb.under(mi.Sine(amplitude=21.0, frequency=0.24))
-
-
-@pytest.mark.nightly
-def test_dynamic_pull_in_of_a_table():
-    slow = mi.pull_in_voltage(ZHAO.replace(c=0.0), dynamic=True)
-    found = mi.pull_in_voltage(ZHAO.replace(c=0.0).adding(PLATE), dynamic=True)
-    assert found == pytest.approx(slow, rel=1e-6)
-
-
-@pytest.mark.nightly
-def test_compiled_and_continued():
-    x = np.linspace(-0.5, 0.5, 161)
-    plate = mi.TabulatedCapacitance(positions=x, capacitances=2.0 / (1.0 - x))
-    device = ZHAO.adding(plate, HARDENING)
-    kick = mi.kicked_state(device)
-    compiled = mi.simulate(device, DRIVE, 300, initial=kick)
-    plain = ZHAO.adding(mi.CubicStiffness(k3=0.5))
-    orbit = mi.find_orbit(compiled)
-    other = mi.find_orbit(mi.simulate(plain, DRIVE, 300, initial=kick))
-    assert orbit.step == pytest.approx(other.step, rel=1e-8)
-    found, expected = (np.sort(np.abs(each.multipliers)) for each in (orbit, other))
-    np.testing.assert_allclose(found, expected, atol=2e-6)
-    branch = mi.continue_solution(orbit, "amplitude", stop=0.25)
-    same = mi.continue_solution(other, "amplitude", stop=0.25)
-    assert branch.orbits[-1].step == pytest.approx(same.orbits[-1].step, rel=1e-8)

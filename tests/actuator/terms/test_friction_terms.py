@@ -31,17 +31,6 @@ def test_slip_after_an_impact():
     assert end["t"] - hit["t"] == pytest.approx(lasts, rel=1e-8)
 
 
-def test_coulombs_friction_comes_back():
-    start = mi.State(x2=0.5, v2=1.0)
-    paper = mi.simulate(ZHAO, SILENT, duration=0.2, initial=start, options=PRECISE)
-    away = []
-    for speed in (1e-2, 1e-3):
-        device = ZHAO.adding(mi.StribeckFriction(speed=speed))
-        run = mi.simulate(device, SILENT, duration=0.2, initial=start, options=PRECISE)
-        away.append(abs(run.final.x1 - paper.final.x1))
-    assert away[1] == pytest.approx(away[0] / 100.0, rel=0.1)  # slow slip is short: speed^2
-
-
 def test_creep_of_regularised_friction():
     device = ZHAO.replace(c=1.0).adding(
         mi.RegularizedFriction(width=1e-2), mi.FrameForce(force=5.0)
@@ -53,19 +42,6 @@ def test_creep_of_regularised_friction():
     assert run.statistics["share slipping"] == pytest.approx(1.0)
     exact = ZHAO.replace(c=1.0).adding(mi.FrameForce(force=5.0))
     assert mi.simulate(exact, SILENT, duration=40.0, options=PRECISE).final.x1 == 0.0
-
-
-def test_regularised_friction_comes_near_to_coulombs():
-    # Static and dynamic friction alike, since it knows the latter alone.
-    start, plain = mi.State(x2=0.5, v2=1.0), ZHAO.replace(mu_s=0.27)
-    exact = mi.simulate(plain, SILENT, duration=0.15, initial=start, options=PRECISE)
-    away = []
-    for width in (1e-2, 1e-3):
-        device = plain.adding(mi.RegularizedFriction(width=width))
-        run = mi.simulate(device, SILENT, duration=0.15, initial=start, options=PRECISE)
-        assert not {"slip end", "break-away"} & set(run.events["event"]) or width == 1e-2
-        away.append(abs(run.final.x1 - exact.final.x1))
-    assert away[1] < 0.2 * away[0]
 
 
 @pytest.mark.parametrize("device", [ZHAO, mi.load_actuator("mita2003")], ids=["unit", "SI"])

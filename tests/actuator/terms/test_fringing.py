@@ -59,11 +59,6 @@ def test_force_is_the_slope_of_the_capacitance(sizes):
     assert made.capacitance(0.0, p) == pytest.approx(2.0 * factor, rel=1e-14)
 
 
-def test_wide_electrodes_are_those_of_the_paper():
-    made, p = electrode(ZHAO.adding(mi.Fringing(width=1e12, length=1e12)))
-    assert made.slope(0.2, p) == pytest.approx(2.0 / 0.64, rel=1e-10)
-
-
 def test_pulls_in_where_statics_say():
     width = 4.0
 

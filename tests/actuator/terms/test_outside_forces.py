@@ -53,20 +53,6 @@ def test_what_static_friction_holds(term, beyond):
     assert beyond or run.final["x1"] == start["x1"]
 
 
-def test_a_block_at_rest_on_a_stopper_goes_downhill_with_the_frame():
-    angle = 0.5  # pressed to the left by its weight, harder than the spring pulls back
-    device = ZHAO.adding(mi.Tilt(angle=angle))
-    start = {"x2": -ZHAO.delta}
-    run = mi.simulate(device, OFF, periods=0.5, initial=start, options=SLOW)
-    samples = run.samples(per_period=20)
-    down = ZHAO.g * (math.sin(angle) - ZHAO.mu_d * math.cos(angle))
-    # Friction holds back the frame alone: the block leans on it, and nothing else happens.
-    assert len(run.events) == 0
-    assert set(samples["mode"]) == {"backward-left"}
-    assert np.allclose(samples["v1"], -down * samples["t"], rtol=1e-9)
-    assert np.allclose(samples["x2"], -ZHAO.delta, rtol=0.0, atol=0.0)
-
-
 def test_a_spring_brings_the_frame_back_and_friction_takes_its_energy():
     stretch, k1 = 1.0, 60.0
     device = ZHAO.adding(mi.FrameSpring(k1=k1)).replace(c=0.0, mu_s=0.3)
@@ -90,12 +76,3 @@ def test_orbits_with_a_spring_close_in_the_position_of_the_frame():
     system = ZHAO.adding(mi.FrameSpring(k1=0.1)).under(ON)
     assert system.automaton.cyclic == ()
     assert ZHAO.adding(mi.FrameForce(force=0.1)).under(ON).automaton.cyclic == (0,)
-
-
-def test_no_load_is_the_papers_device():
-    plain = mi.simulate(ZHAO, ON, periods=6, options=SLOW)
-    for term in (mi.Tilt(angle=0.0), mi.FrameForce(force=0.0), mi.FrameSpring(k1=0.0)):
-        run = mi.simulate(ZHAO.adding(term), ON, periods=6, options=SLOW)
-        for name in ("x1", "x2", "v2"):
-            assert math.isclose(run.final[name], plain.final[name], rel_tol=1e-7)
-        assert list(run.events["event"]) == list(plain.events["event"])

@@ -7,7 +7,6 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator.drives.slewed import SlewedDrive
-from tests.actuator.terms.held_frame import impacts
 
 ZHAO = mi.load_actuator("zhao2004")
 INTERPRETED = mi.Options(engine="interpreted")
@@ -83,37 +82,6 @@ def test_agrees_with_small_steps(drive):
         assert output.switches == tuple(sorted(set(output.switches)))
 
 
-@pytest.mark.slow
-def test_motion_with_impacts_is_that_of_scipy():
-    firm = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3)
-    device = firm.adding(mi.SlewRate(rate=0.2))
-    drive = mi.Square(amplitude=0.5, omega=0.7)
-    run = mi.simulate(
-        device, drive, periods=3, initial=mi.State(v2=0.6),
-        options=mi.Options(engine="interpreted", rtol=1e-11, atol=1e-13),
-    )  # fmt: skip
-    half, ramp = drive.period / 2.0, 2.5
-
-    def volts(t):
-        u = t % drive.period
-        return min(0.2 * u, 0.5) if u < half else max(0.5 - 0.2 * (u - half), 0.0)
-
-    def rates(t, y):
-        return [y[1], volts(t) ** 2 / (1.0 - y[0]) ** 2 - y[0] - 0.04 * y[1]]
-
-    corners = [k * drive.period + c for k in range(3) for c in (ramp, half, half + ramp)]
-    corners = [*corners, *(k * drive.period for k in (1, 2, 3))]
-    hits, y = impacts(rates, [0.0, 0.6], sorted(corners), max_step=0.1)
-    assert len(hits) >= 3
-    np.testing.assert_allclose(run.impacts["t"], hits, rtol=0, atol=1e-8)
-    assert run.final.x2 == pytest.approx(y[0], abs=1e-8)
-    samples = run.samples(100)
-    np.testing.assert_allclose(
-        samples["node voltage"], [volts(t) for t in samples["t"]], rtol=0, atol=1e-12
-    )
-    assert (run.impacts["node voltage"] <= 0.5).all()
-
-
 def test_refuses_a_voltage_whose_sign_is_unknown():
     def wave(t, q):
         return 0.3 * math.cos(0.5 * t)
@@ -124,23 +92,6 @@ def test_refuses_a_voltage_whose_sign_is_unknown():
     drive = mi.Custom(function=wave, rate=rate, period=2.0 * math.pi, switches=(math.pi,))
     with pytest.raises(mi.InvalidParameter, match="changes its sign from one forcing period"):
         ZHAO.adding(mi.SlewRate(rate=0.1)).under(drive)
-
-
-@pytest.mark.nightly
-def test_is_a_parameter_of_orbits():
-    drive = mi.Square(amplitude=0.25, omega=0.7, rise=0.3)
-    system = ZHAO.replace(mu_s=5.0).adding(mi.SlewRate(rate=0.3)).under(drive)
-    numbers = system.numbers({"slew_rate.rate": 0.4})
-    changed = system.changed(**{"slew_rate.rate": 0.4})
-    assert numbers.switches == changed.numbers().switches
-    assert numbers.parameters.tolist() == changed.numbers().parameters.tolist()
-    assert changed.automaton is system.automaton
-    orbit = mi.find_orbit(system, options=INTERPRETED, transient=40, periods=1)
-    branch = mi.continue_solution(orbit, "slew_rate.rate", stop=0.28)
-    last = branch.orbits[-1]
-    there = mi.find_orbit(last.system, options=INTERPRETED, guess=last.state, periods=1)
-    assert last.system.parameters["slew_rate.rate"] < 0.3
-    assert there.state.x2 == pytest.approx(last.state.x2, abs=1e-9)
 
 
 @pytest.mark.nightly

@@ -16,7 +16,6 @@ INTERPRETED = mi.Options(engine="interpreted", rtol=1e-10, atol=1e-12)
 ZHAO = mi.load_actuator("zhao2004")
 FILM = mi.SqueezeFilm(length=1.0, width=0.5, pressure=2.0, viscosity=1.0, free_path_pressure=0.1)
 DRIVE = mi.Sine(amplitude=0.6, omega=0.5)
-KICKED = mi.State(v2=1.0)
 
 
 def blech(number, ratio, terms=200):
@@ -123,15 +122,6 @@ def test_no_energy_comes_of_it(sides):
         assert part.energy(y, p) > 0.0
         assert part.dissipation(y, p) >= 0.0
         assert stored + part.dissipation(y, p) == pytest.approx(-part.force(y, p) * y[3], abs=1e-7)
-
-
-@pytest.mark.slow
-def test_without_gas_the_papers_model_comes_back():
-    thin = ZHAO.adding(FILM.replace(pressure=1e-9, free_path_pressure=0.0, viscosity=1e-10))
-    bare = mi.simulate(ZHAO, DRIVE, periods=2, initial=KICKED, options=INTERPRETED)
-    run = mi.simulate(thin, DRIVE, periods=2, initial=KICKED, options=INTERPRETED)
-    assert len(run.impacts) == len(bare.impacts) > 0
-    assert run.impacts["t"].to_numpy() == pytest.approx(bare.impacts["t"].to_numpy(), abs=1e-7)
 
 
 @pytest.mark.filterwarnings("default::mems_impact.errors.ValidityWarning")

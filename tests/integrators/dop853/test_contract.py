@@ -6,15 +6,12 @@ import warnings
 import numpy as np
 import pytest
 
-from mems_impact.actuator.drives import Sine
 from mems_impact.errors import StiffnessWarning
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.engine import create_engine
 from mems_impact.hybrid.problem import Problem
 from mems_impact.integrators import interface
 from mems_impact.integrators.options import Options
-from tests.actuator import machine
-from tests.actuator.machine import ZHAO
 from tests.hybrid.systems import ENGINES, INF, STOP, at, simulate, stop
 
 both = pytest.mark.parametrize("engine", ENGINES)
@@ -172,50 +169,6 @@ def test_a_root_is_located_to_its_last_bits_and_on_the_far_side(engine):
 
 
 @both
-def test_functions_that_are_zero_at_once_fire_at_once(engine):
-    made = swing(engine, (0.5, 0.5), section=(0, 0.5, 0)).walk([-1.0, 0.0], rows=20)
-    first = made.fired[made.roots[0]]
-    assert first.tolist() == [-1, -1, 0, 0, 1]
-
-
-@both
-def test_what_falls_and_what_rises(engine):
-    """Over one turn, margins fire where they fall, the rate of the impact guard where it rises."""
-    made = swing(engine, (0.5, -0.5)).walk([1.0, 0.0], t=0.0, stop=2.0 * math.pi + 0.1)
-    met = [(made.out[k, TIME], *made.fired[k, :4]) for k in made.roots]
-    turn = 2.0 * math.pi
-    expected = [
-        (turn * 2.0 / 3.0, 0, -1, 0, 0),
-        (turn * 5.0 / 6.0, -1, 0, 0, 0),
-        (turn, 0, 0, 1, 0),
-    ]
-    assert len(met) == len(expected)
-    for one, other in zip(met, expected, strict=True):
-        assert one[0] == pytest.approx(other[0], abs=1e-10)
-        assert one[1:] == other[1:]
-
-
-@both
-@pytest.mark.parametrize(
-    ("direction", "expected"), [(1, [(1.5, 1)]), (-1, [(0.5, -1)]), (0, [(0.5, -1), (1.5, 1)])]
-)
-def test_directions_of_the_section(direction, expected, engine):
-    made = swing(engine, section=(0, 0.0, direction)).walk([1.0, 0.0], stop=1.9 * math.pi)
-    met = [(k, made.fired[k, 4]) for k in made.roots if made.fired[k, 4] != 0]
-    assert [side for _, side in met] == [side for _, side in expected]
-    for (k, _), (time, _) in zip(met, expected, strict=True):
-        assert made.out[k, TIME] == pytest.approx(time * math.pi, abs=1e-10)
-
-
-@both
-@pytest.mark.parametrize("speed", [1.0, -1.0])
-def test_a_start_on_the_section_is_no_crossing(engine, speed):
-    made = swing(engine, section=(0, 0.0, 0)).walk([0.0, speed], stop=4.0)
-    times = [made.out[k, TIME] for k in made.roots if made.fired[k, 4] != 0]
-    assert times == pytest.approx([math.pi], abs=1e-10)
-
-
-@both
 def test_after_a_root_the_same_step_is_looked_at_to_its_end(engine):
     """Roots that lie in one step come one by one, and cost no right-hand side."""
     levels = (0.52, 0.5)
@@ -257,22 +210,6 @@ def test_a_root_just_handled_is_not_found_again_but_a_quick_one_is(engine):
 
 
 @both
-def test_looking_disturbs_nothing(engine):
-    def glance(one, rows):
-        """Take `rows` rows, looking back after each of the walks that lead to them."""
-        for k in range(1, rows):
-            one.walk([1.0, 0.0], rows=k)
-            t = one.out[-1, TIME]
-            one.look([0.5 * t, t])
-        return one.walk([1.0, 0.0], rows=rows)
-
-    looked = glance(swing(engine, (0.3, 0.2), section=(1, 0.0, 0)), 8)
-    plain = swing(engine, (0.3, 0.2), section=(1, 0.0, 0)).walk([1.0, 0.0], rows=8)
-    assert np.array_equal(looked.out, plain.out)
-    assert np.array_equal(looked.fired, plain.fired)
-
-
-@both
 @pytest.mark.parametrize("stop", [INF, 0.05, 0.1003, 1e-12])
 def test_no_step_is_longer_than_it_may_be(stop, engine):
     made = swing(engine, max_step=0.1, rtol=1e-4, atol=1e-6).walk([1.0, 0.0], stop=stop, rows=20)
@@ -305,16 +242,6 @@ def test_an_arc_does_not_depend_on_the_one_before(engine):
     used.walk([1e3, -2.0], t=5.0, rows=7)
     used.walk([1.0, 0.0], rows=6)
     assert np.array_equal(fresh.out, used.out)
-
-
-def test_both_forms_agree_to_rounding():
-    runs = [
-        swing(form, (0.9, 0.2), section=(0, 0.1, 0), rtol=1e-9).walk([1.0, 0.3], rows=60)
-        for form in ENGINES
-    ]
-    assert np.array_equal(runs[0].out[:, STATUS], runs[1].out[:, STATUS])
-    assert np.array_equal(runs[0].fired, runs[1].fired)
-    assert runs[0].out == pytest.approx(runs[1].out, abs=1e-12)
 
 
 # Failures.
@@ -424,28 +351,3 @@ def test_a_run_taken_up_at_an_event_is_the_same_run(engine):
         4.0 - float(hit.cycle) - float(hit.time) / setup.period,
     )
     assert rest.final.y == pytest.approx(whole.final.y, abs=1e-13)
-
-
-@pytest.mark.parametrize(
-    ("amplitude", "omega", "friction", "e"),
-    [
-        (0.24, 0.5, (0.4, 0.27), 0.8),
-        (0.38, 0.1, (0.4, 0.27), 0.3),  # rest contact, entered by chatter and released
-        (0.3, 0.9, (0.004, 0.002), 0.8),  # slip reversal and break-away
-    ],
-)
-def test_both_forms_agree_on_the_actuator(amplitude, omega, friction, e):
-    actuator = ZHAO.replace(mu_s=friction[0], mu_d=friction[1], e=e)
-    drive = Sine(amplitude=amplitude, omega=omega)
-    a, b = (
-        machine.simulate(
-            actuator, drive, [0.0, 0.0, 0.3, 0.0], 4.0, engine=engine, method="dop853", rtol=1e-10
-        ).events
-        for engine in ENGINES
-    )
-    assert len(a) > 4
-    assert np.array_equal(a.kind, b.kind)
-    assert np.array_equal(a.guard, b.guard)
-    # Rounding decides how far a first step grows, so that runs agree to the tolerance.
-    assert a.time == pytest.approx(b.time, abs=1e-8)
-    assert a.after == pytest.approx(b.after, abs=1e-8)

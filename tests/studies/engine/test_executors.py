@@ -74,15 +74,6 @@ def test_a_chunk_that_kills_three_workers_is_given_up(pool):
     assert len(made) == 4
 
 
-@pytest.mark.nightly
-def test_a_chain_continues_past_a_chunk_that_is_given_up(pool):
-    table = run_study(Toy(size=12, chained=(12,), deadly=(5,)), executor=pool)
-    assert table.index[table["status"] != "ok"].tolist() == [4, 5, 6, 7]
-    whole = run_study(Toy(size=12, chained=(12,)))["number"]
-    skipped = whole[7] - whole[3]
-    assert table["number"][8] == pytest.approx(whole[8] - skipped, abs=1e-14)
-
-
 @pytest.mark.slow
 def test_workers_that_cannot_be_restarted_leave_finished_points(pool, tmp_path):
     study = Toy(size=30, flaky=1, where=str(tmp_path / "death"), each=0.001)
@@ -187,13 +178,6 @@ def test_a_worker_that_dies_before_its_pool_watches_it(forking):
 def test_a_pool_that_never_starts_a_worker_leaves_what_was_done():
     with pytest.raises(mi.WorkersLost, match=r"handle is closed.*; see that memory"):
         run_study(STUDY, executor=lambda: Racing(0))
-
-
-@pytest.mark.nightly
-def test_what_a_point_raises_in_a_process(pool):
-    with pytest.raises(ZeroDivisionError, match="point 17") as caught:
-        run_study(Toy(size=40, buggy=(17,)), executor=pool, chunk=4)
-    assert 0 < len(caught.value.partial) < 40
 
 
 @pytest.mark.usefixtures("heard_in_background")

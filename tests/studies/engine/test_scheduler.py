@@ -1,7 +1,6 @@
 """Studies run chunk by chunk: the same table by any number of any workers."""
 
 import math
-import os
 import signal
 import threading
 import traceback
@@ -198,15 +197,3 @@ def test_what_cannot_go_to_other_processes_is_said():
     study = Toy(extra={"lock": threading.Lock()})
     with pytest.raises(mi.InvalidParameter, match="cannot go to other processes"):
         run_study(study, executor=Recording())
-
-
-def test_one_process_computes_its_own_points():
-    assert os.getpid() == run_study(WithProcess(size=3))["number"].iloc[0]
-
-
-class WithProcess(Toy):
-    """Says which process computed its points."""
-
-    def compute(self, first, last, carried=None, watch=None):
-        columns, carried = super().compute(first, last, carried, watch)
-        return {**columns, "number": [float(os.getpid())] * (last - first)}, carried

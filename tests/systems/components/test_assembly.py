@@ -171,54 +171,6 @@ def test_two_frictions_on_one_body_hold_with_both_limits():
 
 
 @pytest.mark.slow
-def test_the_actuator_put_together_from_parts_is_the_actuator():
-    device = mi.load_actuator("zhao2004")
-    drive = mi.Sine(amplitude=0.24, omega=0.5)
-    names = ("m1", "m2", "k", "c", "d", "delta", "e", "mu_s", "mu_d", "alpha", "g")
-    values = {name: float(getattr(device, name)) for name in names}
-
-    def flow(mode, t, y, p):
-        x, v = y.x - y.z, y.v - y.w
-        volt = 0.24 * math.cos(0.5 * t)
-        pull = p.alpha * volt * volt / (p.d - min(x, 0.5 * (p.delta + p.d))) ** 2
-        force = pull - p.k * x - p.c * v
-        return y.v, force / p.m2, y.w, -force / p.m1
-
-    parts = [
-        mi.Stopper("right", "x", "v", upper="delta", restitution="e", against=("z", "w")),
-        mi.Stopper("left", "x", "v", lower=lambda p: -p.delta, restitution="e", against=("z", "w")),
-        mi.Friction("ground", "w", mu="mu_d", static="mu_s",
-                    normal=lambda t, y, p: (p.m1 + p.m2) * p.g),
-    ]  # fmt: skip
-    system = mi.System(
-        states=("x", "v", "z", "w"), flow=flow, period=2.0 * math.pi, parameters=values,
-        masses={"v": "m2", "w": "m1"}, parts=parts,
-    )  # fmt: skip
-    options = mi.Options(engine="interpreted", method="dop853")
-    theirs = mi.simulate(device, drive, 40, options=options)
-    ours = mi.simulate(system, 40, options=options)
-    assert len(theirs.impacts) > 10
-    assert len(ours.impacts) == len(theirs.impacts)
-    assert np.abs(ours.impacts["t"] - theirs.impacts["t"]).max() < 1e-6
-    assert len(ours.events) == len(theirs.events)
-    assert ours.final.z == pytest.approx(theirs.final.x1, abs=1e-6)
-    assert ours.final.x - ours.final.z == pytest.approx(theirs.final.x2, abs=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["dop853", "adams"])
-def test_they_run_compiled_as_they_run_interpreted(method):
-    system = block([STOP, GROUND])
-    for start in (mi.State(v=2.0), mi.State(x=1.0, load=1.0)):
-        one, other = (
-            mi.simulate(system, duration=4.0, initial=start, options=options)
-            for options in (mi.Options(method=method), PLAIN)
-        )
-        assert one.events["event"].tolist() == other.events["event"].tolist()
-        assert np.abs(one.events["t"] - other.events["t"]).max() < 1e-7
-
-
-@pytest.mark.slow
 def test_systems_of_parts_are_values():
     system = block([STOP, GROUND], parameters={"rate": 0.0})
     again = pickle.loads(pickle.dumps(system))

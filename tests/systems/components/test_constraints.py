@@ -104,43 +104,6 @@ def test_sliding_along_a_curved_surface_has_one_multiplier():
     assert spectrum.kind == "periodic"
 
 
-@pytest.mark.nightly
-def test_exponents_of_bodies_that_stay_together():
-    spectrum = mi.lyapunov(pressed(), 4, transient=20 * TURN)
-    assert spectrum.exponents[:2] == pytest.approx([-0.05, -0.05], abs=1e-3)
-    assert spectrum.exponents[2:].tolist() == [-math.inf, -math.inf]
-    assert spectrum.kind == "periodic"
-
-
-@pytest.mark.nightly
-def test_a_cycle_of_bodies_that_stay_together_is_that_of_one():
-    def alone(mode, t, y, p):
-        return y.v, (1.0 - y.x**2) * y.v - y.x
-
-    def both(mode, t, y, p):
-        return y.v, 2.0 * ((1.0 - y.x**2) * y.v - y.x) + 30.0, y.w, -30.0
-
-    def follower(mode, t, y, p):
-        return y.v, (1.0 - y.x**2) * y.v - y.x, y.v - 10.0 * mode.line
-
-    one = mi.System(states=("x", "v"), flow=alone, initial={"x": 2.0})
-    expected = mi.find_orbit(mi.simulate(one, duration=50.0))
-    touch = mi.Stopper("touch", "z", "w", lower=0.0, restitution=0.0, against=("x", "v"))
-    stacked = mi.System(
-        states=("x", "v", "z", "w"), flow=both, initial={"x": 2.0, "z": 2.0},
-        masses={"v": 1.0, "w": 1.0}, parts=[touch],
-    )  # fmt: skip
-    sliding = mi.System(
-        states=("x", "v", "z"), flow=follower, initial={"x": 2.0, "z": 1.0},
-        parts=[mi.SwitchingSurface("line", {"z": 1.0, "x": -0.5})],
-    )  # fmt: skip
-    for system in (stacked, sliding):
-        found = mi.find_orbit(mi.simulate(system, duration=50.0))
-        assert found.period == pytest.approx(expected.period, rel=1e-10)
-        assert found.multipliers[0] == pytest.approx(expected.multipliers[0], rel=1e-5)
-        assert found.multipliers[1:] == pytest.approx(0.0, abs=1e-10)
-
-
 def damped(mode, t, y, p):
     return y.y - 0.3 * y.x + 0.1 * mode.line, -y.x - 0.5 * y.y - mode.line + p.q
 

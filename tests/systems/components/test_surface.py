@@ -195,27 +195,6 @@ def test_a_motion_that_is_not_unique_is_an_error_with_two_of_them():
         mi.simulate(crossing(fork, {"x": 0.1, "y": 0.3}), duration=2.0, options=PLAIN)
 
 
-@pytest.mark.nightly
-def test_three_surfaces_that_depend_on_each_other():
-    def flow(mode, t, y, p):
-        return (
-            0.5 - 2.0 * mode.a + 0.3 * mode.c,
-            1.0 - 3.0 * mode.b - 0.4 * mode.a,
-            -0.3 - 1.0 * mode.c,
-            1.0 + 2.0 * mode.a,
-        )
-
-    system = mi.System(
-        states=("x", "y", "z", "w"), flow=flow, initial={"x": 1.0, "y": 1.0, "z": -2.0},
-        parts=[mi.SwitchingSurface(name, state) for name, state in zip("abc", "xyz", strict=True)],
-    )  # fmt: skip
-    run = mi.simulate(system, duration=6.0, options=PLAIN)
-    assert run.final.mode == "sliding-sliding-sliding"
-    # On the intersection the means of c, a and b are -0.3, 0.205 and (1 - 0.4 a)/3.
-    reached = run.events.iloc[-1]
-    assert run.final.w - reached["w"] == pytest.approx(1.41 * (6.0 - reached["t"]), rel=1e-9)
-
-
 @pytest.mark.parametrize(
     "other", [{"x": -2.0, "y": 2.0}, {"x": "minus", "y": 1.0}], ids=["at once", "in a run"]
 )
@@ -281,29 +260,6 @@ def test_an_orbit_slides_on_two_surfaces_for_parts_of_its_period(a, b, meets):
     assert sorted(abs(orbit.multipliers)) == pytest.approx(
         [0.0, 0.0, math.exp(-0.6 * math.pi)], abs=1e-9
     )
-
-
-@pytest.mark.nightly
-def test_a_limit_cycle_lies_on_an_intersection():
-    def flow(mode, t, y, p):
-        growth = p.mu - y.z * y.z - y.w * y.w
-        return (
-            0.5 - 2.0 * mode.sx,
-            1.0 - 3.0 * mode.sy + 0.1 * y.z,
-            growth * y.z - y.w + 0.3 * (0.25 - mode.sx),
-            growth * y.w + y.z,
-        )
-
-    system = mi.System(
-        states=("x", "y", "z", "w"), flow=flow, parameters={"mu": 0.5},
-        initial={"x": 1.0, "y": 1.0, "z": 0.5},
-        parts=[mi.SwitchingSurface("sx", "x"), mi.SwitchingSurface("sy", "y")],
-    )  # fmt: skip
-    cycle = mi.find_orbit(system, transient=5, options=PLAIN)
-    # The mean of sgn x is 1/4: the normal form of a Hopf bifurcation remains.
-    assert cycle.period == pytest.approx(2.0 * math.pi, abs=1e-9)
-    assert max(abs(cycle.multipliers)) == pytest.approx(math.exp(-2.0 * math.pi), abs=1e-9)
-    assert cycle.stable
 
 
 @pytest.mark.slow
@@ -509,42 +465,6 @@ def test_equal_axes_leave_an_intersection_together():
     run = mi.simulate(crossing(flow, {"x": 0.5, "y": 0.3}), duration=4.0, options=PLAIN)
     # From z = 1 both grow with z - 1.
     assert (run.final.x, run.final.y) == pytest.approx((4.5, 4.5), rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("a", "b", "mode"),
-    [(1.7, -2.4, "above-below"), (-1.7, 2.4, "below-above"), (-1.7, 0.3, "below-sliding")],
-)
-def test_a_switch_throws_a_state_off_an_intersection(a, b, mode):
-    def flow(mode, t, y, p):
-        late = t >= 0.8
-        return (p.a if late else 0.4) - mode.sx, (p.b if late else -0.1) - mode.sy
-
-    system = mi.System(
-        states=("x", "y"), flow=flow, parameters={"a": a, "b": b}, initial={"x": 0.2, "y": 0.1},
-        parts=[mi.SwitchingSurface("sx", "x"), mi.SwitchingSurface("sy", "y")], switches=(0.8,),
-    )  # fmt: skip
-    run = mi.simulate(system, duration=2.0, options=PLAIN)
-    away = [1.2 * (abs(u) - 1.0) * math.copysign(1.0, u) if abs(u) > 1.0 else 0.0 for u in (a, b)]
-    assert run.final.mode == mode
-    assert (run.final.x, run.final.y) == pytest.approx(away, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_two_levels_in_small_units():
-    def flow(mode, t, y, p):
-        return ((0.3 - mode.a - 0.4 * mode.b) * 1e-13,)
-
-    charge = mi.System(
-        states=("q",), flow=flow, initial={"q": 5e-13}, typical={"q": 1e-13},
-        parts=[mi.SwitchingSurface("a", "q", level=2e-13),
-               mi.SwitchingSurface("b", "q", level=-1e-13)],
-    )  # fmt: skip
-    run = mi.simulate(charge, duration=4.0, options=PLAIN)
-    # Above both levels q' = -1.1e-13; between them q' = 0.9e-13.
-    assert run.events["t"].tolist() == pytest.approx([3.0 / 1.1], rel=1e-9)
-    assert run.final.mode == "sliding-above"
 
 
 def unit_circle(t, y, p):
