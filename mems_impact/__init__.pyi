@@ -45,6 +45,16 @@ from .actuator.terms.tilt import Tilt as Tilt
 from .actuator.terms.frame_force import FrameForce as FrameForce
 from .actuator.terms.frame_spring import FrameSpring as FrameSpring
 
+# Geometry
+# Parts of a drawing, with a process (:doc:`device`).
+from .actuator.geometry.geometry import Geometry as Geometry
+from .actuator.geometry.folded_beams import FoldedBeams as FoldedBeams
+from .actuator.geometry.crab_legs import CrabLegs as CrabLegs
+from .actuator.geometry.clamped_beams import ClampedBeams as ClampedBeams
+from .actuator.geometry.plate import Plate as Plate
+from .actuator.geometry.comb_fingers import CombFingers as CombFingers
+from .actuator.geometry.gap_closing_fingers import GapClosingFingers as GapClosingFingers
+
 # Voltages
 # Waveforms, each with its forcing period (:doc:`drives`).
 from .actuator.drives.base import Drive as Drive

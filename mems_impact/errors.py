@@ -755,11 +755,14 @@ class TransientWarning(UserWarning):
 
 
 class ValidityWarning(UserWarning):
-    """A run left the range of validity of a term of the model.
+    """A run left the range of validity of a term of the model, or a device or drive leaves it.
+
+    The beams of a `Geometry` may deflect too far, and a drive may exceed the breakdown voltage of
+    the gap, or a voltage at which fingers bend or snap to a side.
 
     See Also
     --------
-    Term, SqueezeFilm, Run
+    Term, SqueezeFilm, Geometry, Run
 
     Examples
     --------

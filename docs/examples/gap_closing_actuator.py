@@ -5,8 +5,8 @@ A gap-closing actuator: closing times as measured
 The fingers of an inchworm motor's actuator close on their counter-electrodes up to a stop. A. M.
 Rauf et al., "Nonlinear dynamics of lateral electrostatic gap closing actuators for applications in
 inchworm motors", *J. Microelectromech. Syst.* 31, 29 (2022), publish layout, process, equations and
-measurements (``github.com/ahadrauf/gca_dynamics``). The preset ``rauf2022`` is the device with
-fingers of 76.5 um. This page compares its voltages and times with measurements.
+measurements (``github.com/ahadrauf/gca_dynamics``). The preset ``rauf2022`` is the layout with
+fingers of 76.5 um, and the process. This page compares its voltages and times with measurements.
 """
 
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 import mems_impact as mi
 
 device = mi.load_actuator("rauf2022")
+print(device.datasheet.geometry[["value", "unit", "source"]].to_string())
 
 # %%
 # Voltages and times
@@ -51,11 +52,18 @@ print(table.to_string(index=False, float_format="{:.3g}".format))
 
 # %%
 # No number of ours is fitted here; the authors fitted the undercut of 0.31 um to the closing times,
-# in a model with fingers that bend. Bending narrows the gap at the tips, which lowers the pull-in
-# voltage and hastens closing near it; the rigid fingers of the preset close 1.1 to 1.5 times as late
-# there, but as measured, within 6 %, from 30 V on. The returns from higher voltages are faster, down
-# to 52.5 us from 60 V: bent fingers push off. The narrow film at the stop leaves bounces of less
-# than a twentieth of the travel.
+# in a model with fingers that bend. Ours closes as measured, within 8 %, from 30 V on, and 1.1 to 1.6
+# times as late near pull-in. There the tips bend by 1 nm, too little to matter. The measured pull-in
+# voltage would follow from an undercut of 0.5 um, which makes beams softer and gaps wider:
+
+for undercut in ("0.31 um", "0.4 um", "0.5 um"):
+    corner = device.changed(**{"geometry.undercut": undercut})
+    print(undercut, f"{corner.k:.1f} N/m, pull-in {mi.pull_in_voltage(corner):.1f} V")
+
+# %%
+# The returns from higher voltages are faster, down to 52.5 us from 60 V. The fingers are then bent at
+# the stop, by a tenth of the gap at 62 V, and push off. The narrow film at the stop leaves bounces of
+# less than a twentieth of the travel.
 
 with mi.style():
     figure = Figure(figsize=(3.4, 2.6), layout="constrained")
@@ -69,8 +77,8 @@ with mi.style():
 # %%
 # Check
 # -----
-# The published equation of the spine, with its whole film, instead of the strip, the constant
-# damping and the table of the preset:
+# The published equation of the spine, with its whole film and another fringing field, instead of the
+# strip, the constant damping and the table of the preset:
 
 LAYER, LENGTH, WIDTH, FINGERS, VISCOSITY = 40e-6, 76.19e-6, 4.39e-6, 70, 1.85e-5
 FRONT, BACK, BELOW = 5.45e-6, 8.37e-6, 2e-6
@@ -104,7 +112,7 @@ for volts, time in times.items():
     alone = solve_ivp(rates, (0, 3e-4), (0, 0), args=(volts,), events=contact, **limits)
     ratio = time / (1e6 * alone.t_events[0][0])
     assert abs(ratio - 1) < (0.06 if volts == 20 else 0.03)
-    assert volts < 30 or abs(time / measured[volts] - 1) < 0.06
+    assert volts < 30 or abs(time / measured[volts] - 1) < 0.08
 assert abs(mi.resting_voltage(device) / 8.0 - 1) < 0.03
 assert {found.bounces for found in closings.values()} <= {0, 1}
 assert max(found.table["height"].max() for found in closings.values()) < device.delta / 20

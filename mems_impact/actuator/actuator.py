@@ -66,6 +66,8 @@ class Actuator(ActuatorParameters):
         The units of all of the above, and of the terms.
     terms : tuple of Term, optional
         Additional terms of the model (see `mems_impact.actuator.terms`); none by default.
+    geometry : Geometry, optional
+        Drawing and process of the device, whose numbers are then parameters of the device.
 
     Raises
     ------
@@ -106,7 +108,8 @@ class Actuator(ActuatorParameters):
 
         Any consistent set of quantities that determines the device is accepted: two of
         `stiffness`, `frequency` and `proof_mass`; `damping`, `quality` or `damping_ratio`;
-        `electrode_area`, `capacitance`, `pull_in` or `electrode_constant`, and so on.
+        `electrode_area`, `capacitance`, `pull_in` or `electrode_constant`, and so on. A drawing,
+        ``geometry=Geometry(…)``, determines quantities and terms that are not given.
 
         Parameters
         ----------

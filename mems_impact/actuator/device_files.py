@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from mems_impact._util.files import file_path
 from mems_impact._util.formatting import stem
 from mems_impact._util.warning_scopes import warn
+from mems_impact.actuator.geometry.geometry import Geometry
 from mems_impact.actuator.parameter_base import Checked, unknown
 from mems_impact.actuator.plausibility import check_plausible_device
 from mems_impact.actuator.terms.files import term_names, term_of
@@ -43,6 +44,7 @@ class _DeviceFile(Checked):
     units: Literal["dimensionless", "SI"] = "dimensionless"
     parameters: dict[str, Any] = Field(default={})
     design: dict[str, Any] = Field(default={})
+    geometry: dict[str, Any] | None = None
     drive: dict[str, Any] | None = None  # for `mems_impact.actuator.drives.files.load_drive`
 
     @model_validator(mode="before")
@@ -82,8 +84,8 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
         the eleven parameters of `Actuator`, or a table ``[design]`` with the quantities of
         `Actuator.from_design`, and, optionally, ``name``, ``description`` and ``units``
         ("SI", or "dimensionless" by default) above it, and below it a table for each term
-        (``[squeeze_film]``). A preset has priority over a file of the same name; write ``./name``
-        for the file.
+        (``[squeeze_film]``), and ``[geometry]`` for a `Geometry`. A preset has priority over a file
+        of the same name; write ``./name`` for the file.
 
     Returns
     -------
@@ -134,13 +136,15 @@ def actuator_in_file(content: Mapping[str, Any], source: str) -> Actuator:
     try:
         file = _DeviceFile(**{name: content[name] for name in content if name not in names})
         terms = tuple(term_of(name, table, Path(source).parent) for name, table in tables.items())
+        geometry = None if file.geometry is None else Geometry(**file.geometry)
         if "design" in content:
-            actuator = Actuator.from_design(**file.design, terms=terms)
+            actuator = Actuator.from_design(**file.design, terms=terms, geometry=geometry)
         else:
             if "units" in file.parameters:
                 allowed = "above the table [parameters]"
                 raise InvalidParameter("units", file.parameters["units"], allowed)
-            actuator = Actuator(**file.parameters, units=file.units, terms=terms)
+            given: dict[str, Any] = {"units": file.units, "terms": terms, "geometry": geometry}
+            actuator = Actuator(**file.parameters, **given)
     except InvalidParameter as error:
         raise error.located(source) from None
     if (

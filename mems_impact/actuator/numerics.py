@@ -16,7 +16,7 @@ from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.equations import X2
 from mems_impact.actuator.model import HIDDEN, compose, layout
-from mems_impact.actuator.parameters import PARAMETER_NAMES
+from mems_impact.actuator.parameters import PARAMETER_NAMES, with_geometry
 from mems_impact.actuator.terms.base import Term, TermKind, drive_unit, is_compliant
 from mems_impact.actuator.units import COLUMN_UNITS, PARAMETER_UNITS, DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
@@ -95,6 +95,8 @@ class ActuatorNumerics(HybridSystem):
             values.setdefault(name, float(getattr(self.actuator, name)))
         for term in self.actuator.terms:
             values |= {f"{term.name()}.{name}": getattr(term, name) for name in term.names}
+        if self.actuator.geometry is not None:
+            values |= self.actuator.geometry.numbers
         return values
 
     @property
@@ -111,6 +113,8 @@ class ActuatorNumerics(HybridSystem):
             of_drive = {name: self.drive.unit(name) for name in self._drive_names}
             of_drive = {name: kinds.get(unit, unit) for name, unit in of_drive.items()}
             names = {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
+            if self.actuator.geometry is not None:
+                names |= self.actuator.geometry.number_units
         return Units(
             names,
             self._scales,
@@ -147,7 +151,7 @@ class ActuatorNumerics(HybridSystem):
         for name in values:
             self.check_parameter(name)
         numbers = {name: self.units.parse(name, value) for name, value in values.items()}
-        drive_values, actuator_values, term_values = self._sorted(numbers)
+        drive_values, actuator_values, term_values = self._sorted(numbers, checked=True)
         drive = self.drive.varied(drive_values) if drive_values else self.drive
         if term_values:
             actuator_values["terms"] = self._terms(term_values)
@@ -190,17 +194,18 @@ class ActuatorNumerics(HybridSystem):
         return self._featuring(self._until, True)
 
     def _sorted(
-        self, values: Mapping[str, float]
+        self, values: Mapping[str, float], *, checked: bool = False
     ) -> tuple[dict[str, float], dict[str, Any], dict[str, float]]:
         """Return the values of the drive, of the actuator and of its terms."""
         of_drive, of_actuator, of_terms = {}, {}, {}
-        for name, value in values.items():
+        for name, value in with_geometry(self.actuator, values, checked=checked).items():
             if name in self._drive_names:
                 of_drive[name] = value
-            elif name in PARAMETER_NAMES:
+            elif name in PARAMETER_NAMES or name == "geometry":
                 of_actuator[name] = value
             else:
-                self.check_parameter(name)
+                if name in values:
+                    self.check_parameter(name)
                 of_terms[name] = value
         return of_drive, of_actuator, of_terms
 
@@ -224,7 +229,8 @@ class ActuatorNumerics(HybridSystem):
             return self.actuator
         values = scaled_fields(self.actuator, PARAMETER_UNITS, self._scales)
         terms = tuple(term.scaled(self._scales) for term in self.actuator.terms)
-        return self.actuator.replace_unchecked(**values, terms=terms, units="dimensionless")
+        values |= {"terms": terms, "geometry": None, "units": "dimensionless"}
+        return self.actuator.replace_unchecked(**values)
 
     def problem(self, options: Options) -> Problem:
         """Return the problem for the event loop, dimensionless.
@@ -247,6 +253,8 @@ class ActuatorNumerics(HybridSystem):
         The function works with plain numbers, without a validated actuator, and without a drive if
         its `numbers` does not need one.
         """
+        if self.actuator.geometry is not None and changes:
+            return self.shifted(changes).numbers()
         of_drive, of_actuator, of_terms = self._sorted(changes) if changes else ({}, {}, {})
         device = self._device
         if of_actuator or of_terms:

@@ -13,6 +13,7 @@ from mems_impact._util.formatting import html_table, shown
 from mems_impact._util.quantities import quantities
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
+from mems_impact.actuator.geometry.geometry import PREFIX, Geometry
 from mems_impact.actuator.parameter_base import Checked, Fraction, NonNegative, Positive
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.files import term_with
@@ -25,6 +26,7 @@ __all__ = [
     "ActuatorParameters",
     "numbers_for",
     "parameter_named",
+    "with_geometry",
 ]
 
 
@@ -47,6 +49,7 @@ class ActuatorParameters(Checked):
     g: NonNegative
     units: Literal["dimensionless", "SI"] = "dimensionless"
     terms: Annotated[tuple[Term, ...], Field(description=TERMS_ALLOWED)] = ()
+    geometry: Geometry | None = Field(default=None, description="a Geometry(…)")
 
     @classmethod
     def unit_of(cls, name: str) -> str:
@@ -88,11 +91,13 @@ class ActuatorParameters(Checked):
             raise InvalidParameter("mu_d", self.mu_d, allowed)
         for term in self.terms:
             term.check_on(self)
+        if self.geometry is not None and self.units == "dimensionless":
+            raise InvalidParameter("geometry", None, "", problem="in SI, but the device is not")
         return self
 
     def __iter__(self) -> Any:
-        # Iteration and dict() omit terms if there are none, as for the paper's device.
-        return ((name, value) for name, value in super().__iter__() if value != ())
+        # Iteration and dict() omit terms and geometry if there are none, as in the paper's device.
+        return ((name, value) for name, value in super().__iter__() if value not in ((), None))
 
     def __repr_args__(self) -> Any:
         return list(self)
@@ -159,7 +164,7 @@ class ActuatorParameters(Checked):
         """
         device_changes: dict[str, Any] = {}
         of_terms: dict[str, dict[str, float]] = {}
-        for name, value in values.items():
+        for name, value in with_geometry(self, values).items():
             owner, dot, number = name.partition(".")
             if dot:
                 of_terms.setdefault(owner, {})[number] = value
@@ -199,7 +204,7 @@ class ActuatorParameters(Checked):
         scales = self.scales
         values = scaled_fields(self, PARAMETER_UNITS, scales)
         terms = tuple(term.scaled(scales) for term in self.terms)
-        return self.replace(**values, terms=terms, units="dimensionless")
+        return self.replace(**values, terms=terms, geometry=None, units="dimensionless")
 
     def to_si(self, scales: Scales) -> Self:
         """Return the same device in SI.
@@ -234,7 +239,7 @@ PARAMETER_MEANINGS = {
 """Short names of the parameters whose symbols are not words, for displays; omega is a drive's."""
 
 PARAMETER_NAMES: tuple[str, ...] = tuple(
-    name for name in ActuatorParameters.model_fields if name not in ("units", "terms")
+    name for name in ActuatorParameters.model_fields if name not in ("units", "terms", "geometry")
 )
 """The parameters' names, in the order of `Actuator.to_array`."""
 
@@ -257,6 +262,51 @@ def parameter_named(name: str, field: str = "") -> str:
         problem = f"a quantity derived from parameters; give one of {names}"
         raise InvalidParameter(field or name, name if field else None, "", problem=problem)
     return entry.parameter
+
+
+def with_geometry(
+    actuator: ActuatorParameters, values: Mapping[str, Any], *, checked: bool = True
+) -> dict[str, Any]:
+    """Return changes with those of the drawing as changes of the numbers that it determines.
+
+    A number of the device changes by the ratio of its formula, so that measured and fitted numbers
+    keep their place. Numbers that are among the changes themselves have these values.
+    """
+    drawn = {name: value for name, value in values.items() if name.startswith(PREFIX)}
+    if not drawn:
+        return dict(values)
+    if actuator.geometry is None:
+        problem = "the device has no geometry"
+        raise InvalidParameter(next(iter(drawn)), None, "", problem=problem)
+    geometry = actuator.geometry.varied(drawn, checked=checked)
+    before, after = _drawn_numbers(actuator.geometry), _drawn_numbers(geometry)
+    changes: dict[str, Any] = {"geometry": geometry}
+    for name in filter(after.__contains__, before):
+        owner, dot, number = name.partition(".")
+        owning = actuator.term(owner) if dot else actuator
+        if owning is not None:
+            present = getattr(owning, number or owner)
+            changes[name] = _in_proportion(present, before[name], after[name])
+    return {**changes, **{name: value for name, value in values.items() if name not in drawn}}
+
+
+def _drawn_numbers(geometry: Geometry) -> dict[str, Any]:
+    """Return the numbers that a drawing determines, by name, with tables of terms."""
+    found = {QUANTITIES[name].parameter: value for name, value in geometry.quantities.items()}
+    for term in geometry.terms:
+        fields = {name: value for name, value in dict(term).items() if not isinstance(value, str)}
+        found |= {f"{term.name()}.{name}": value for name, value in fields.items()}
+    return found
+
+
+def _in_proportion(value: Any, before: Any, after: Any) -> Any:
+    """Return a number, or the numbers of a table, times after/before."""
+    if value == before:
+        return after
+    if isinstance(value, tuple):  # a table of another length is the user's own
+        same = len(value) == len(before)
+        return tuple(map(_in_proportion, value, before, after)) if same else value
+    return value * (after / before) if before else value + after
 
 
 PARAMETERS_OF_DATA_SHEETS = [each for each in QUANTITIES.items() if each[1].parameter]

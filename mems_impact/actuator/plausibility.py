@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -14,11 +14,13 @@ from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER
 from mems_impact.actuator.design.static_forces import StaticForces
 from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.geometry.base import Finding
+from mems_impact.actuator.geometry.breakdown import breakdown
 from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.plausible_ranges import LENGTH, MASS, STIFFNESS, Range
 from mems_impact.actuator.terms.base import Device, Term, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
-from mems_impact.errors import InvalidParameter, UnitsWarning
+from mems_impact.errors import InvalidParameter, UnitsWarning, ValidityWarning
 
 __all__ = ["check_plausible_device", "check_plausible_drive", "check_plausible_target"]
 
@@ -83,6 +85,17 @@ def check_plausible_device(actuator: Device) -> None:
             _check(label, value, unit, within)
     for term in actuator.terms:
         _check_term(term)
+    for each in _drawn(actuator):
+        if each.value > each.limit:
+            amounts = f"{each.value:.3g} {each.unit}".rstrip(), f"{each.limit:g} {each.unit}"
+            message = f"{each.quantity} = {amounts[0]}, above {amounts[1].rstrip()}: {each.formula}"
+            _warn_once(f"{message} ({each.source})", ValidityWarning)
+
+
+def _drawn(actuator: Device) -> Sequence[Finding]:
+    """Return the quantities computed from the drawing of a device, if there is one."""
+    geometry = actuator.geometry if isinstance(actuator, ActuatorParameters) else None
+    return () if geometry is None else geometry.findings()
 
 
 def check_plausible_drive(actuator: Device, drive: Drive) -> None:
@@ -94,6 +107,20 @@ def check_plausible_drive(actuator: Device, drive: Drive) -> None:
             unit = drive_unit(actuator.terms)
             _check(name, drive.number(name), unit, CHARGE if unit == "C" else VOLTAGE)
     _check_times(actuator, drive, "")
+    if drive_unit(actuator.terms) == "V":
+        _check_voltage(actuator, _peak(drive))
+
+
+def _check_voltage(actuator: Device, peak: float) -> None:
+    """Warn of a voltage at which the electrodes fail."""
+    limits = [each for each in _drawn(actuator) if each.unit == "V"]
+    if not limits and all(term.plates for term in actuator.terms):
+        limits = [breakdown(actuator.d - actuator.delta)]
+    for each in limits:
+        if peak > each.value:
+            limit = f"{each.quantity}, {each.value:.3g} V"
+            message = f"the drive reaches {peak:.4g} V, above the {limit}: {each.formula}"
+            _warn_once(f"{message} ({each.source})", ValidityWarning)
 
 
 def _check_times(actuator: Device, drive: Drive, prefix: str) -> None:
@@ -228,6 +255,6 @@ def _alternative_units(unit: str) -> Mapping[str, float]:
 
 
 @cache
-def _warn_once(message: str) -> None:
+def _warn_once(message: str, category: type[Warning] = UnitsWarning) -> None:
     """Issue a warning once."""
-    warn(message, UnitsWarning, message)
+    warn(message, category, message)

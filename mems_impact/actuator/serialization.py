@@ -23,6 +23,7 @@ from mems_impact.actuator.design.soft_landing import SoftLanding
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.drives.pulse_and_hold import PulseAndHold
+from mems_impact.actuator.geometry.geometry import Geometry
 from mems_impact.actuator.impact_statistics import BlowCounter, RestDetector
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.statistics import Accumulator
@@ -69,13 +70,18 @@ def actuator_parts(actuator: Actuator) -> dict[str, Any]:
     """Return a device as the tables of a file."""
     terms = {term.name(): term_table(term) for term in actuator.terms}
     values = {name: value for name, value in dict(actuator).items() if name != "terms"}
+    if actuator.geometry is not None:
+        values["geometry"] = actuator.geometry.as_table()
     return {**values, "terms": terms} if terms else values
 
 
 def actuator_of(parts: Mapping[str, Any]) -> Actuator:
     """Return the device of the tables of a file."""
     terms = tuple(term_of(name, table) for name, table in parts.get("terms", {}).items())
-    return Actuator(**{**parts, "terms": terms})
+    values: dict[str, Any] = {**parts, "terms": terms}
+    if "geometry" in values:
+        values["geometry"] = Geometry(**values["geometry"])
+    return Actuator(**values)
 
 
 def _parts(system: ActuatorSystem) -> dict[str, Any]:

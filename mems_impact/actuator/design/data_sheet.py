@@ -20,6 +20,8 @@ from mems_impact._util.quantities import quantity
 from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER, QUANTITIES
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.design.static_forces import StaticForces
+from mems_impact.actuator.geometry.base import PERMITTIVITY, Finding
+from mems_impact.actuator.geometry.geometry import Geometry
 from mems_impact.actuator.parameter_base import unknown
 from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.terms.base import Term
@@ -33,7 +35,6 @@ __all__ = ["DataSheet", "actuator_from_design"]
 
 A = TypeVar("A", bound=ActuatorParameters)
 
-PERMITTIVITY = 8.8541878188e-12  # of vacuum [F/m], CODATA 2022
 STANDARD_GRAVITY = 9.80665  # m/s^2
 CONSISTENT_RTOL = 1e-6  # relative difference of two values of a quantity that agree
 PULL_IN_RTOL = 1e-14  # relative error of an electrode constant found from a pull-in voltage
@@ -205,16 +206,24 @@ def has_plates(terms: Sequence[Term]) -> bool:
 
 def actuator_from_design(kind: type[A], design: Mapping[str, Any], terms: Sequence[Term] = ()) -> A:
     """Return the actuator of a data sheet; see `Actuator.from_design`."""
-    known = _numbers(design)
+    geometry = design.get("geometry")
+    if geometry is not None and not isinstance(geometry, Geometry):
+        raise InvalidParameter("geometry", geometry, "a Geometry(…)")
+    if geometry is not None:
+        terms = (*terms, *_further_terms(geometry.terms, terms))
+    known = _numbers({name: value for name, value in design.items() if name != "geometry"})
     relations = relations_of(terms)
     known.setdefault("gravity", STANDARD_GRAVITY)
     known = _propagated(known, relations)
+    for name, value in ({} if geometry is None else geometry.quantities).items():
+        if name not in known:
+            known = _propagated({**known, name: value}, relations)
     spring: Any = next((term for term in terms if term.name() == "tabulated_spring"), None)
     if spring is not None and "stiffness" not in known and spring.slope(0.0) > 0.0:
         known = _propagated({**known, "stiffness": spring.slope(0.0)}, relations)
     voltage = "pull_in" if "pull_in" in known else "release"
     unknown_constant = bool(terms) and "electrode_constant" not in known
-    plates = has_plates(terms)
+    plates = has_plates(terms) and geometry is None  # else the left one has the force of the right
     by_capacitance = unknown_constant and plates and "capacitance" in known
     by_voltage = unknown_constant and plates and not by_capacitance and voltage in known
     if by_capacitance or by_voltage or (unknown_constant and not plates):
@@ -224,7 +233,7 @@ def actuator_from_design(kind: type[A], design: Mapping[str, Any], terms: Sequen
             raise _missing(name, known, relations)
     values = {parameter: known[name] for parameter, name in OF_PARAMETER.items()}
     try:
-        actuator = kind(**values, units="SI", terms=tuple(terms))
+        actuator = kind(**values, units="SI", terms=tuple(terms), geometry=geometry)
     except InvalidParameter as error:
         raise _by_quantities(error) from None
     if by_voltage:
@@ -246,6 +255,16 @@ def actuator_from_design(kind: type[A], design: Mapping[str, Any], terms: Sequen
         if name in COMPUTED and name in sheet and not _agree(sheet[name], value):
             raise _contradiction(name, value, sheet[name], "the other quantities and the terms")
     return actuator
+
+
+def _further_terms(drawn: Sequence[Term], given: Sequence[Term]) -> list[Term]:
+    """Return the terms of a drawing that no given term replaces."""
+    names = {term.name() for term in given}
+    rules = {rule for term in given for rule in term.replaced_rules}
+    return [
+        term for term in drawn
+        if term.name() not in names and rules.isdisjoint(term.replaced_rules)
+    ]  # fmt: skip
 
 
 def _numbers(design: Mapping[str, Any]) -> dict[str, float]:
@@ -446,7 +465,8 @@ class DataSheet(Mapping[str, Any]):
             if voltage is not None:
                 known[name] = voltage
         values: dict[str, Any] = {name: known[name] for name in QUANTITIES if name in known}
-        return values | ({"terms": self.actuator.terms} if self.actuator.terms else {})
+        others = ("terms", self.actuator.terms), ("geometry", self.actuator.geometry)
+        return values | {name: value for name, value in others if value}
 
     def _voltage(self, compute: Callable[[ActuatorParameters], float]) -> float | None:
         try:
@@ -508,6 +528,18 @@ class DataSheet(Mapping[str, Any]):
             if name in QUANTITIES
         ]
         return pd.DataFrame(rows).set_index("quantity")
+
+    @property
+    def geometry(self) -> pd.DataFrame:
+        """One row per quantity computed from the drawing; see `Geometry`.
+
+        Columns: value, unit, formula, source, validity, and the limit of the value, if any.
+        """
+        import pandas as pd
+
+        drawing = self.actuator.geometry
+        rows = [] if drawing is None else drawing.findings()
+        return pd.DataFrame(rows, columns=Finding._fields).set_index("quantity")
 
     def _rows(self) -> dict[str, str]:
         rows = {

@@ -1,0 +1,78 @@
+"""Plates with holes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+from pydantic import model_validator
+
+from mems_impact.actuator.geometry.base import Part, Process
+from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Plate"]
+
+
+class Plate(Part):
+    """Rectangular plates of the block, with rectangular etch holes.
+
+    Parameters
+    ----------
+    length, width : float
+        Drawn sides [m], > 0.
+    count : float, optional
+        Number of such plates.
+    holes : float, optional
+        Number of holes in each plate.
+    hole_length, hole_width : float, optional
+        Drawn sides of the holes [m].
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range, or the holes are larger than the plate.
+
+    See Also
+    --------
+    Geometry, FoldedBeams
+
+    Notes
+    -----
+    The mass is density thickness (length width - holes hole_length hole_width), with sides that
+    shrink, and holes that grow, by twice the undercut.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> spine = mi.Plate(length="860 um", width="20 um", holes=60, hole_length="8 um",
+    ...                  hole_width="8 um")
+    """
+
+    length: Positive
+    width: Positive
+    count: Positive = 1.0
+    holes: NonNegative = 0.0
+    hole_length: NonNegative = 0.0
+    hole_width: NonNegative = 0.0
+
+    units: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("length", "width", "hole_length", "hole_width"), "m"
+    )
+
+    @model_validator(mode="after")
+    def _check_holes(self) -> Self:
+        if self.holes * self.hole_length * self.hole_width >= self.length * self.width:
+            raise InvalidParameter("holes", self.holes, "with less area than the plate")
+        return self
+
+    def area(self, process: Process) -> float:
+        """Return the area of the plates after the process."""
+        outer = process.line(self.length) * process.line(self.width)
+        hole = process.space(self.hole_length) * process.space(self.hole_width)
+        return self.count * (outer - self.holes * hole)
+
+    def smallest_line(self, process: Process) -> tuple[str, float]:
+        """Return the shorter side; 0 if the holes consume the plate."""
+        name = min("width", "length", key=lambda each: getattr(self, each))
+        return name, min(process.line(getattr(self, name)), max(self.area(process), 0.0))
