@@ -33,6 +33,7 @@ from mems_impact.actuator.design.estimates import (
 from mems_impact.actuator.design.wear import life
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.geometry.geometry import PREFIX
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, numbers_for
 from mems_impact.actuator.report_page import (
     Block,
@@ -90,6 +91,8 @@ WEAR = {"wear": (1e-13, "m^2/N"), "area": (1e-8, "m^2"), "depth": (1e-7, "m")}
 STEP_TOLERANCE = 0.2  # relative deviation of the step that the specification allows
 SPREAD = {"k": 0.03, "d": 0.02, "delta": 0.02, "e": 0.02, "friction": 0.05}
 """Relative standard deviations if no tolerances are given; friction scales both coefficients."""
+DRAWN_SPREAD = {"undercut": "0.05 um", "thickness": "1%", "youngs_modulus": "2%"}
+"""Standard deviations of the process in place of those of k, d and delta, for a drawn device."""
 QUANTILES = (0.05, 0.5, 0.95)
 
 
@@ -564,7 +567,10 @@ class ReportMaker:
             rows = [(name, _distribution_text(each)) for name, each in self.tolerances.items()]
             return dict(self.tolerances), None, rows
         device, over, rows = self.actuator, {}, []
-        for name in ("k", "d", "delta"):
+        if device.geometry is not None:
+            over = {f"{PREFIX}{name}": spread for name, spread in DRAWN_SPREAD.items()}
+            rows = [(name, f"normal, {spread}") for name, spread in over.items()]
+        for name in () if over else ("k", "d", "delta"):
             over[name] = f"{100.0 * SPREAD[name]:g}%"
             rows.append((f"{name}, {PARAMETER_MEANINGS[name]}", f"normal, {over[name]}"))
         spread = SPREAD["e"] * device.e

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from mems_impact.cli.options import actuator_from, device_options
-from mems_impact.cli.output import OutputValue, show_values
+from mems_impact.cli.output import OutputValue, show_table, show_values
 
 
 @click.command(short_help="Show the data sheet of a device.")
@@ -19,7 +19,8 @@ def command(*, device: str, changes: dict[str, float]) -> None:
 
     The names are as in a table [design] of a device file: frequency of the block in a held
     frame, quality factor, pull-in voltage and so on. The regime tells whether static friction
-    holds the frame until the blow of a slow pull-in.
+    holds the frame until the blow of a slow pull-in. A device of a drawing has a second table, of
+    the quantities that its formulas give.
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 
@@ -29,3 +30,6 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     if sheet.regime:
         values["regime"] = OutputValue(sheet.regime)
     show_values(values)
+    if not sheet.geometry.empty:
+        columns = ["value", "unit", "source"]
+        show_table("geometry", sheet.geometry[columns].reset_index(), digits=6)

@@ -1,4 +1,4 @@
-"""`mems-impact new`: a device of a data sheet, or a commented template of a device or a system."""
+"""`mems-impact new`: a device of a data sheet, or a template of a device, drawing or system."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from mems_impact.cli.runtime import PROGRAM
 
 TEMPLATES = {
     "device": ("device.toml", "simulate {}"),
+    "drawing": ("drawing.toml", "datasheet {}"),
     "system": ("system.py", "simulate {}:oscillator"),
 }
 """By kind: template, which is the default name of the file, and a first command for it."""
@@ -57,7 +58,7 @@ class NewCommand(click.Command):
 @click.argument("file", type=click.Path(), required=False)
 @apply_decorators(*map(_quantity_option, OPTION_QUANTITIES))
 def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
-    """Write FILE: the device of a data sheet, or a commented template of a device or a system.
+    """Write FILE: the device of a data sheet, or a template of a device, a drawing or a system.
 
     \b
     Examples:
@@ -69,8 +70,9 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
       mems-impact new system oscillator.py
 
     Any consistent set of quantities that determines the device is accepted, as numbers in SI or
-    with units. Without quantities, the file is a template that runs as it stands. FILE is
-    device.toml or system.py by default. An existing file is never overwritten.
+    with units. Without quantities, the file is a commented template that runs as it stands; that
+    of a drawing has the parts of a device and the process. FILE is device.toml, drawing.toml or
+    system.py by default. An existing file is never overwritten.
     """  # noqa: D301 - click looks for the backspace itself
     texts = {name: text for name, text in quantities.items() if text is not None}
     if texts and kind != "device":

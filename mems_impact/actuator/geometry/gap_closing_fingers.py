@@ -142,7 +142,7 @@ class GapClosingFingers(Fingers):
             back = process.space(self.back_gap)
             value += self._closure(process, back) * self._damping_in(process, back)
         return Finding(
-            "damping in back gaps and by the substrate", self.electrodes * value, "N s/m",
+            "damping of back gaps and substrate", self.electrodes * value, "N s/m",
             "squeezed films, times (4 g^3 w + 2 h^3 t)/(g^3 w + 2 h^3 t)",
             "Bao, Yang (2007); Rauf et al. (2022)", "at rest",
         )  # fmt: skip
@@ -163,7 +163,7 @@ class GapClosingFingers(Fingers):
         remaining, slenderness = gap - travel, self.length / process.line(self.width)
         pressure = process.youngs_modulus * BENT * remaining / (1.5 * slenderness**3 * self.length)
         yield Finding(
-            "bending of the fingers by a tenth of the gap at the stopper",
+            "bending of fingers at the stopper",
             remaining * math.sqrt(2.0 * pressure / PERMITTIVITY), "V",
             "q L^4/(8 E I) = gap/10, q = permittivity t v^2/(2 gap^2)", "beam theory",
         )  # fmt: skip
