@@ -509,7 +509,7 @@ def test_a_budget_that_a_collapse_spends_is_reported_with_its_instant():
 def test_an_instant_may_hold_more_events_than_the_buffer(engine, monkeypatch):
     """Wherever the buffer is full, between transitions of an instant too, the run is the same."""
     whole = cradle(0.9, engine)
-    monkeypatch.setattr(engine, "EVENT_ROWS", workspace.ROOM + 3)
+    monkeypatch.setattr(engine_module, "EVENT_ROWS", workspace.ROOM + 3)
     assert same(cradle(0.9, engine).events, whole.events)
     p = ball(0.6, 0.9, 1.0)
     small = simulate(BALL, p, [0.7, 0.0], 6.0, engine=engine)
