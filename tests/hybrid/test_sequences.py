@@ -8,6 +8,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.errors import RunError
+from mems_impact.hybrid import engine as engine_module
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import workspace
 from tests.hybrid.systems import BALL, ENGINES, RESTING, STOP, ball, same, simulate, stop, times
