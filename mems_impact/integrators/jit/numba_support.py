@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import itertools
 import logging
+import math
 import sys
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -41,6 +42,8 @@ class UnlinkedLibrary(JITCodeLibrary):
     caller. Here only the outermost function is translated, which halves the time of the first run.
     """
 
+    largest: float = INLINED
+
     def add_ir_module(self, module: ir.Module) -> None:
         """Add a module; of its functions the large ones are called.
 
@@ -53,12 +56,12 @@ class UnlinkedLibrary(JITCodeLibrary):
                 end = block.terminator
                 if "prof" in end.metadata and not isinstance(end.operands[1].terminator, ir.Ret):
                     del end.metadata["prof"]
-            if "alwaysinline" in function.attributes:
+            if function.blocks and "alwaysinline" in function.attributes:
                 size = 0
                 for each in itertools.chain(*(block.instructions for block in function.blocks)):
                     called = each.callee.name if isinstance(each, ir.CallInstr) else ""
                     size += 1 + _inlined.get(called, 0)
-                if size > INLINED:
+                if size > self.largest:
                     function.attributes.discard("alwaysinline")
                 else:
                     _inlined[function.name] = size
@@ -99,10 +102,12 @@ class _PartCompiler(Compiler):
         return super().define_pipelines()
 
 
-class _DisjointCompiler(_PartCompiler):
+class _KernelCompiler(_PartCompiler):
     def define_pipelines(self) -> Any:
+        pipelines = super().define_pipelines()
         self.state.flags.noalias = True
-        return super().define_pipelines()
+        self.state.library.largest = math.inf  # it has one caller
+        return pipelines
 
 
 # Compiled code owns no memory and does not raise, so it needs neither reference counts nor checks
@@ -113,7 +118,7 @@ DISJOINT = INNER.copy()  # for arrays that do not overlap: no write changes what
 # A version of numba with other internals uses its own compiler, which takes twice as long.
 if all(hasattr(JITCodeLibrary, name) for name in USED):
     INNER["pipeline_class"] = _PartCompiler
-    DISJOINT["pipeline_class"] = _DisjointCompiler
+    DISJOINT["pipeline_class"] = _KernelCompiler
 # A C function is a wrapper that passes arrays over the stack and checks for errors, which takes a
 # quarter of the time of a small function unless the function is inlined.
 FOR_C = {**JIT, "forceinline": True}
