@@ -1,8 +1,7 @@
 """Compilation of the event loop and the methods when the package is installed.
 
-``python -m mems_impact.hybrid.precompilation`` compiles the code of runs for this processor;
-``--distribute`` compiles that of orbits, attractors and exponents too, for all instruction sets of
-a wheel (`mems_impact.integrators.jit.machine_code`).
+``python -m mems_impact.hybrid.precompilation`` compiles for this processor; ``--distribute``
+compiles for all instruction sets of a wheel (`mems_impact.integrators.jit.machine_code`).
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ DECAY = Automaton(
     stiff=True,
 )
 START = HybridState(0, 0.0, 0, np.ones(1))
-DISTRIBUTE, RECORD = "--distribute", "--record"
+DISTRIBUTE = "--distribute"
 
 
 def decay(method: str) -> Problem:
@@ -61,23 +60,24 @@ def decay(method: str) -> Problem:
     return Problem(automaton=DECAY, parameters=[0.0], period=1.0, options=options)
 
 
-def compile_runs() -> None:
-    """Compile the event loop and the functions of all methods."""
+def compile_orbits() -> None:
+    """Compile the event loop, the functions of all methods, and the loops of orbits."""
     for method in METHODS:
         run(decay(method), START, 1.0)
-
-
-def compile_studies() -> None:
-    """Compile the loops of attractors, of orbits, of derivatives of runs and of exponents."""
-    problem = decay("auto")
-    AttractorMapper(problem, longest=1, tolerance=1e-6).follow([(problem.numbers, START)], 1.0, 1.0)
+    problem, y = decay("auto"), np.ones((1, 1))
     times, segments = np.array([[0.0, 1.0, 1.0]]), np.array([[0, NO_EVENT]])
-    variational, y = Variational(problem, np.ones((1, 1))), np.ones((1, 1))
     rows, instants = np.array([[0, 0, 0, 0], [0, -1, -1, 0]]), np.zeros((1, 3))
     derivatives = np.zeros((1, 2)), np.zeros((1, 1, 2))
     equations = rows, y, instants, instants, np.ones(1), np.zeros(1), *derivatives
+    variational = Variational(problem, np.ones((1, 1)))
     variational.traverse(segments, y, times)
     variational.traverse(segments, y, times, equations)
+
+
+def compile_attractors() -> None:
+    """Compile the loops of attractors, of derivatives of runs and of exponents."""
+    problem = decay("auto")
+    AttractorMapper(problem, longest=1, tolerance=1e-6).follow([(problem.numbers, START)], 1.0, 1.0)
     one = Quantities(np.zeros((1, 1)), np.ones((1, 1)), np.zeros(1), np.zeros((1, 0)))
     RunColumns(run(problem, START, 1.0), one).at(np.ones(1))
     exponents = LyapunovIntegrator(problem, START)
@@ -85,8 +85,12 @@ def compile_studies() -> None:
     exponents.advance_exponents()
 
 
+# Of about the same time each: an editable install compiles one beside the other.
+PARTS = {"orbits": compile_orbits, "attractors": compile_attractors}
+
+
 def replace_code(distribute: bool) -> None:
-    """Replace the code of the installation, each instruction set in a process of its own.
+    """Replace the code of the installation, in several processes.
 
     Raises
     ------
@@ -97,28 +101,27 @@ def replace_code(distribute: bool) -> None:
         file.unlink()
     names = machine_code.instruction_sets()
 
-    def compile_set(instruction_set: str) -> None:
-        options = [RECORD, DISTRIBUTE] if distribute else [RECORD]
+    def compile_set(instruction_set: str, *parts: str) -> None:
         subprocess.run(
-            [sys.executable, "-m", "mems_impact.hybrid.precompilation", *options],
+            [sys.executable, "-m", "mems_impact.hybrid.precompilation", *parts],
             env={**os.environ, "NUMBA_CPU_NAME": instruction_set, "NUMBA_CPU_FEATURES": ""},
             check=True,
         )
 
+    tasks = [(name, *PARTS) for name in names] if distribute else [(names[0], p) for p in PARTS]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(compile_set, names if distribute else names[:1]))
+        list(pool.map(compile_set, *zip(*tasks, strict=True)))
 
 
 def main(options: Sequence[str]) -> None:
-    """Replace the code, or compile the code of one instruction set."""
-    distribute = DISTRIBUTE in options
-    if RECORD not in options:
-        replace_code(distribute)
+    """Replace the code, or compile some parts for one instruction set."""
+    parts = [option for option in options if option in PARTS]
+    if not parts:
+        replace_code(DISTRIBUTE in options)
         return
     machine_code.record()
-    compile_runs()
-    if distribute:
-        compile_studies()
+    for part in parts:
+        PARTS[part]()
 
 
 if __name__ == "__main__":

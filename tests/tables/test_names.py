@@ -7,10 +7,7 @@ import pytest
 import mems_impact as mi
 
 
-@pytest.mark.parametrize(
-    ("parameter", "quantity"),
-    [(name, "energy") for name in ("stable", "impacts", "kind", "v")] + [("a", "stable")],
-)
+@pytest.mark.parametrize(("parameter", "quantity"), [("stable", "energy"), ("a", "stable")])
 def test_a_second_column_of_a_name_is_refused(parameter, quantity):
     system = mi.System(
         states=("x", "v"),
