@@ -71,9 +71,8 @@ class Family(ABC):
         InvalidParameter
             If a name is not one of the family's.
         """
-        for name in changes:
-            self.value(name)
-        return replace(self, values={**self.values, **changes})
+        differs = [self.value(name) != value for name, value in changes.items()]
+        return replace(self, values={**self.values, **changes}) if any(differs) else self
 
     def suited(self, stiff: bool) -> Self:
         """Return the family with a fixed method in place of ``"auto"``.

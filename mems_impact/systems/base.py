@@ -84,6 +84,8 @@ class SystemFamily(Family):
 
     def numbers(self, /, **changes: float) -> ProblemParameters:
         """Return the part of the problem that depends on the values."""
+        if not changes and "_problem" in vars(self):
+            return self._problem.numbers
         return self.system.numbers(self._changes(changes))
 
     def derivative(self, name: str) -> tuple[Floats, float, Floats]:
