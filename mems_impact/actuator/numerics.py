@@ -15,6 +15,7 @@ from mems_impact.actuator.automaton import MARGIN_UNITS
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.equations import X2
+from mems_impact.actuator.geometry.geometry import PREFIX
 from mems_impact.actuator.model import HIDDEN, compose, layout
 from mems_impact.actuator.parameters import PARAMETER_NAMES, with_geometry
 from mems_impact.actuator.terms.base import Term, TermKind, drive_unit, is_compliant
@@ -91,12 +92,8 @@ class ActuatorNumerics(HybridSystem):
     @cached_property
     def _parameters(self) -> dict[str, float]:
         values = {name: self.drive.number(name) for name in self._drive_names}
-        for name in PARAMETER_NAMES:
-            values.setdefault(name, float(getattr(self.actuator, name)))
-        for term in self.actuator.terms:
-            values |= {f"{term.name()}.{name}": getattr(term, name) for name in term.names}
-        if self.actuator.geometry is not None:
-            values |= self.actuator.geometry.numbers
+        for name, number in self.actuator.numbers.items():
+            values.setdefault(name, number)
         return values
 
     @property
@@ -253,7 +250,7 @@ class ActuatorNumerics(HybridSystem):
         The function works with plain numbers, without a validated actuator, and without a drive if
         its `numbers` does not need one.
         """
-        if self.actuator.geometry is not None and changes:
+        if changes and any(name.startswith(PREFIX) for name in changes):
             return self.shifted(changes).numbers()
         of_drive, of_actuator, of_terms = self._sorted(changes) if changes else ({}, {}, {})
         device = self._device

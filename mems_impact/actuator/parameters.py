@@ -183,6 +183,14 @@ class ActuatorParameters(Checked):
         """Return the term with a name; None if the device has no such term."""
         return next((term for term in self.terms if term.name() == name), None)
 
+    @property
+    def numbers(self) -> dict[str, float]:
+        """All numbers by the names of parameters: its own, and those of terms and geometry."""
+        found = {name: float(getattr(self, name)) for name in PARAMETER_NAMES}
+        for term in self.terms:
+            found |= {f"{term.name()}.{name}": getattr(term, name) for name in term.names}
+        return found if self.geometry is None else found | self.geometry.numbers
+
     def to_array(self) -> NDArray[np.float64]:
         """Return the parameters as an array of shape (11,), in the order of `PARAMETER_NAMES`."""
         return np.array([getattr(self, name) for name in PARAMETER_NAMES], dtype=np.float64)
@@ -197,7 +205,7 @@ class ActuatorParameters(Checked):
     def to_dimensionless(self) -> Self:
         """Return the same device in its `scales`, in which m2 = k = d = alpha = 1.
 
-        A dimensionless device is returned unchanged.
+        A dimensionless device is returned unchanged. A geometry, which is in SI, is omitted.
         """
         if self.units == "dimensionless":
             return self

@@ -189,6 +189,12 @@ class ReportMaker:
                 listing(("term", "parameter", "value"), list(self._terms()), (2,),
                         "Terms of the model")
             )  # fmt: skip
+        drawn = [] if device.geometry is None else device.geometry.findings()
+        if drawn:
+            rows = [(each.quantity, self.text(each.value, each.unit), each.formula, each.source)
+                    for each in drawn]  # fmt: skip
+            headings = ("quantity", "value", "formula", "source")
+            blocks.append(listing(headings, rows, (1,), "Computed from the drawing"))
         if sheet.regime:
             holds = sheet.get("static_friction_force", 0.0)
             blocks.append(

@@ -350,6 +350,14 @@ def test_tolerances_of_a_process():
     assert (drawn.points["status"] == "ok").all()
 
 
+def test_an_undercut_is_fitted_to_a_voltage():
+    made = mi.load_actuator("rauf2022")
+    volts = mi.pull_in_voltage(made.changed(**{"geometry.undercut": "0.4 um"}))
+    target = mi.Target(quantity="pull-in voltage", value=volts)
+    found = mi.fit(made, [target], ["geometry.undercut"])
+    assert found.parameters["fitted"].tolist() == pytest.approx([0.4 * UM], rel=1e-6)
+
+
 def test_files_and_copies(tmp_path):
     made = device(fingers=GAPS, travel="4 um", undercut="0.2 um")
     assert mi.Actuator.from_design(**made.datasheet) == made

@@ -39,7 +39,7 @@ def test_a_run_that_ends_before_the_contact_closes(cli):
         (["simulate", "zhao2004", "--drive", "voltage-step", "--amplitude", "1"],
          "--drive-duration: missing: without a duration, this voltage has no forcing period"),
         (["soft-landing", "zhao2004", "--amplitude", "1"], "missing option '--width'"),
-        (["soft-landing", "abdulrahim2016", "--over", "width=2e-5:1e-5"], "--over width = "),
+        (["soft-landing", "mita2003", "--over", "width=2e-3:1e-3"], "--over width = "),
     ],
 )  # fmt: skip
 def test_wrong_options(cli, arguments, message):

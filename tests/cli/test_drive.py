@@ -63,7 +63,7 @@ def test_files(cli, tmp_path):
 @pytest.fixture
 def own(tmp_path):
     """The file of a device with a voltage of its own."""
-    told = mi.load_actuator("zhao2004").model_dump(exclude={"units", "terms"})
+    told = mi.load_actuator("zhao2004").model_dump(exclude={"units", "terms", "geometry"})
     text = "[parameters]\n" + "".join(f"{name} = {value}\n" for name, value in told.items())
     drive = '[drive]\nkind = "square"\namplitude = 0.3\nomega = 0.5\nduty = 0.3\n'
     (tmp_path / "own.toml").write_text(text + drive)
@@ -106,7 +106,7 @@ def test_a_frequency_is_omega_over_two_pi(cli, tmp_path):
 
 
 def test_si_without_units_is_one_line(cli, tmp_path):
-    values = mi.load_actuator("mita2003").model_dump(exclude={"units", "terms"})
+    values = mi.load_actuator("mita2003").model_dump(exclude={"units", "terms", "geometry"})
     lines = "".join(f"{name} = {value}\n" for name, value in values.items())
     (tmp_path / "mine.toml").write_text(f"[parameters]\n{lines}")
     done = cli("drive", "mine.toml", "--amplitude", "1", "--omega", "1", "--no-figure")

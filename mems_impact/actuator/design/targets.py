@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -214,21 +214,12 @@ class TargetComparison(Comparison):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The parameters of the device and of its terms."""
-        return tuple(self._numbers)
-
-    @cached_property
-    def _numbers(self) -> dict[str, float]:
-        actuator = self._actuator
-        numbers = {name: getattr(actuator, name) for name in PARAMETER_NAMES}
-        for term in actuator.terms:
-            values = {f"{term.name()}.{name}": value for name, value in term}
-            numbers |= {name: value for name, value in values.items() if is_number(value)}
-        return numbers
+        """The parameters of the device, of its terms and its drawing."""
+        return tuple(self._actuator.numbers)
 
     def start(self, name: str) -> float | None:
         """Return the value of a parameter of the device; None for another one."""
-        return self._numbers.get(name)
+        return self._actuator.numbers.get(name)
 
     def limits(self, name: str) -> Limits:
         """Return the range of a parameter."""
@@ -355,11 +346,9 @@ class TargetComparison(Comparison):
 
 def _moved(target: Target, actuator: Actuator, name: str, change: float) -> Floats:
     """Return a quantity of a device with another value of a parameter, allowed or not."""
-    if name in PARAMETER_NAMES:
-        moved = actuator.replace_unchecked(**{name: getattr(actuator, name) + change})
-    else:
-        owner, _, number = name.partition(".")
-        moved = actuator.changed(**{name: getattr(actuator.term(owner), number) + change})
+    value = actuator.numbers[name] + change
+    within = name in PARAMETER_NAMES
+    moved = (actuator.replace_unchecked if within else actuator.changed)(**{name: value})
     return np.array([target.computed(moved, {})])
 
 
