@@ -238,7 +238,7 @@ class Junction:
         touch = closest_approach(self.shooting, self.point, monitor.guard, monitor.segment)
         if touch is None or not touch.inside:
             return None
-        state = self.point.arcs[touch.segment].touches[monitor.guard, : self.shooting.n].copy()
+        state = self.point.arcs[touch.segment].touches[monitor.guard].copy()
         return touch.segment, touch.time, state
 
     def _last_segment(self) -> int:

@@ -76,7 +76,10 @@ def root_directions(engine: Any, i: int) -> int:
 
 
 def interpolate(engine: Any, t: float, y: Any) -> None:
-    """Write the state at `t`, within the last internal step, into `y`; the run is unaffected."""
+    """Write the state at `t`, within the last internal step, into `y`; the run is unaffected.
+
+    Columns are defined at the ends of the step only, as for `state` at a root.
+    """
     engine.interpolate(t, y)
 
 
@@ -156,9 +159,10 @@ def transition(engine: Any, mode: int, code: int, t: float, y: Any) -> int:
 # --- Equations
 
 # A step is as long as the error of the state and the error of each column, times this weight,
-# allow. The norms are those of a state; the absolute tolerance of a column grows with its size, the
-# largest component if that is above 1. On the paper's orbit, and wherever columns follow the state,
-# the state limits the steps; where columns vary faster, their errors are ten tolerances.
+# allow: by `dop853` of its largest component, by others a norm as that of a state. The absolute
+# tolerance of a column grows with its size, the largest component if that is above 1. On the
+# paper's orbit, and wherever columns follow the state, the state limits the steps; where columns
+# vary faster, their errors are ten tolerances.
 COLUMN_WEIGHT = 0.1
 
 

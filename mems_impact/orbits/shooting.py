@@ -661,7 +661,7 @@ def _left_null_space(matrix: Floats) -> Floats:
 def _joined(pieces: Sequence[Arc], free: list[int], cyclic: list[int]) -> Arc:
     """Return the arc of successive pieces, each of which starts at the end of the last one.
 
-    The state and its columns at the closest approach to a guard are those of the piece.
+    The state at the closest approach to a guard is that of the piece.
     """
     arc = pieces[0]
     for piece in pieces[1:]:
@@ -718,15 +718,14 @@ def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard:
         range(layout.first[i], layout.first[i + 1]),
         key=lambda j: float(pieces[j].arc.minima[guard]),
     )
-    mode, arc = pieces[number].mode, pieces[number].arc
-    n, touch = shooting.n, arc.touches[guard]
-    y, columns = touch[:n], touch[n:].reshape(n, -1)
-    time = float(arc.minima_time[guard])
-    event = shooting.variational(at).event(mode, guard, time, y)
-    by_column = event.margin_by_state[guard] @ columns
-    f = len(shooting.free)
-    by_state, by_parameter = by_column[:f], by_column[f : f + k]
-    by_parameter = (by_parameter + event.margin_by_parameter[guard, :k]) * at.scales
+    piece, variational, f = pieces[number], shooting.variational(at), len(shooting.free)
+    time = float(piece.arc.minima_time[guard])
+    arc = variational.arc(piece.mode, piece.state, piece.start, time)
+    event = variational.event(piece.mode, guard, time, arc.end)
+    by_state, by_parameter = (
+        event.margin_by_state[guard] @ each for each in (arc.by_state, arc.by_parameter)
+    )
+    by_parameter = (by_parameter + event.margin_by_parameter[guard])[:k] * at.scales
     starts, _ = layout.divided(*shooting.instants(point))
     gradient = -float(by_state @ arc.slope_start[shooting.free]) * starts[number, 1:]
     gradient[f * number : f * (number + 1)] += by_state

@@ -42,8 +42,8 @@ class Arc(NamedTuple):
         The flow at both ends.
     minima, minima_time : float array, shape (m,)
         Smallest margin at a closest approach inside the arc (inf if there is none), and its time.
-    touches : float array, shape (m, n (1 + columns))
-        State and columns at that time, as in `mems_impact.hybrid.variational.flow.tangent_flow`.
+    touches : float array, shape (m, n)
+        The state at that time.
     margins, rates : float array, shape (2, m)
         Margins and rates at both ends.
     """
@@ -162,7 +162,7 @@ class Variational:
 
         def build(exact: bool) -> tuple[EngineBinding, Any]:
             flow = tangent_flow(automaton.flow, self.n, p.size, columns, self.k, exact=exact)
-            extended = with_columns(problem, flow, self._block, self._size)
+            extended = with_columns(problem, flow, self._block, self._size, guarded=True)
             binding = create_engine(extended, self._size - self.n)
             return binding, tangents_of_events(problem, binding, self.k, exact)
 

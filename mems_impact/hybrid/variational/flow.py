@@ -15,7 +15,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError
-from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.automaton import Automaton, unguarded
 from mems_impact.hybrid.engine import EngineBinding
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.variational.tangents import (
@@ -30,20 +30,29 @@ from mems_impact.hybrid.variational.tangents import (
     with_code,
 )
 
-MAX_WIDTH = 4  # tangents of a call of the flow; more columns take several calls
+MAX_WIDTH = 12  # tangents of a call of the flow; more columns take several calls
 
 
 def with_columns(
-    problem: Problem, flow: Callable[..., Any], parameters: Floats, size: int
+    problem: Problem,
+    flow: Callable[..., Any],
+    parameters: Floats,
+    size: int,
+    *,
+    guarded: bool = False,
 ) -> Problem:
-    """Return the problem of `size` components, state and columns, with their flow."""
+    """Return the problem of `size` components, state and columns, with their flow.
+
+    Unless `guarded`, it has no margins; it has the transitions in any case.
+    """
     automaton = problem.automaton
+    watched = automaton if guarded else unguarded(automaton)
     extended = Automaton(
         states=tuple(f"y{i}" for i in range(size)),
         modes=automaton.modes,
-        guards=automaton.guards,
+        guards=watched.guards,
         flow=flow,
-        margins=automaton.margins,
+        margins=watched.margins,
         transition=automaton.transition,
         bounds=automaton.bounds,
     )

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import RunError
-from mems_impact.hybrid.automaton import unguarded
 from mems_impact.hybrid.engine import EngineBinding, LoopMemory, create_engine
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD
@@ -391,7 +390,7 @@ def _extended_problem(problem: Problem, size: int, rtol: float, exact: bool) -> 
     flow = tangent_flow(automaton.flow, n, p, size // n - 1, exact=exact)
     extended = with_columns(problem, flow, _with_scratch(problem, size), size)
     column_options = replace(options, rtol=rtol, atol=options.atol * (rtol / options.rtol))
-    return replace(extended, automaton=unguarded(extended.automaton), options=column_options)
+    return replace(extended, options=column_options)
 
 
 def _with_scratch(problem: Problem, size: int) -> Floats:

@@ -95,8 +95,8 @@ class VariationalWorkspace(NamedTuple):
         Output: the smallest value of each margin at a closest approach inside the arc (inf if there
         is none), and its time. Approaches that the engine does not detect by a sign change of the
         rate count only if they may be near zero or below.
-    touches : float array, shape (m, n (1 + columns))
-        Output: state and columns at that time.
+    touches : float array, shape (m, n)
+        Output: the state at that time.
     margin, jump : float array, shapes (2 m, 2 + n + directions), (n, ...)
         Output: margins and rates before the event, and the state after it, each with its
         derivatives: value, by each state component, by time, by each direction.
@@ -133,7 +133,7 @@ def segment_fields(n: int, m: int, directions: int, size: int) -> np.dtype[Any]:
         "margins": (2, 2 * m),
         "after": n,
         "minima": (2, m),
-        "touches": (m, size),
+        "touches": (m, n),
         "margin": (2 * m, 2 + n + directions),
         "jump": (n, 2 + n + directions),
     }
@@ -460,7 +460,7 @@ def record_approach(i: int, t: float, margin: float, y: Any, workspace: Any) -> 
     if is_minimum and margin < minima[0, i]:
         minima[0, i] = margin
         minima[1, i] = t
-        for j in range(y.size):
+        for j in range(workspace.n):
             workspace.touches[i, j] = y[j]
 
 

@@ -25,7 +25,7 @@ from mems_impact.integrators.jit.kernels import (
     is_handle,
     method_entries,
 )
-from mems_impact.integrators.jit.lanes import LANE_BITS, LANES, strided_at
+from mems_impact.integrators.jit.lanes import LANE_BITS, LANES, Lanes, strided_at
 from mems_impact.integrators.jit.numba_support import (
     INNER,
     JIT,
@@ -61,6 +61,7 @@ _handle, _wide = record_at(from_dtype(HANDLE)), record_at(from_dtype(WIDE))
 
 # Numbers of a component, and vectors of a group or a row.
 _numbers_at, _vectors_at = strided_at(LANES, 1), strided_at(LANES, LANES)
+_adjacent_at = strided_at(1, LANES)
 
 _word, _real = types.int64, types.float64
 SIGNATURES = {
@@ -85,7 +86,8 @@ class CompiledDop853(CompiledEngine):
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         size = -(-equations.n // LANES) * LANES  # the last group has components of zero
         width = max(size, 2 * equations.m + 2)
-        arrays = {"rows": ROWS * width, "components": size * ENGINE_NUMBERS}
+        # A group may begin at the last component of the last row.
+        arrays = {"rows": ROWS * width + LANES, "components": size * ENGINE_NUMBERS}
         super().__init__(HANDLE, equations, arrays, functions(wide=equations.columns > 0))
         handle = self.handle
         self._approaches = np.array(equations.approaches, dtype=np.float64)
@@ -178,7 +180,11 @@ mark_overloaded(
     stepper.component,
     stepper.groups,
     stepper.group,
+    stepper.group_size,
     stepper.grouped,
+    stepper.adjacent,
+    stepper.sum_of,
+    stepper.largest_of,
     stepper.records_approaches,
     stepper.set_fired,
     stepper.try_step,
@@ -217,6 +223,36 @@ def _group(engine, j):  # type: ignore[no-untyped-def]
         return lambda engine, j: _vectors_at(engine.components + WORD * ENGINE_NUMBERS * LANES * j)
     if _is_onestep(engine):
         return lambda engine, j: stepper.component(engine, j)
+
+
+@overload(stepper.group_size, jit_options={**JIT, **INNER})
+def _group_size(engine):  # type: ignore[no-untyped-def]
+    if _is_wide(engine):
+        return lambda engine: LANES
+    if _is_onestep(engine):
+        return lambda engine: 1
+
+
+@overload(stepper.adjacent, jit_options={**JIT, **INNER})
+def _adjacent(engine, i):  # type: ignore[no-untyped-def]
+    if _is_wide(engine):
+        return lambda engine, i: _adjacent_at(engine.rows + WORD * engine.width * i)
+    if _is_onestep(engine):
+        return lambda engine, i: stepper.row(engine, i)
+
+
+@overload(stepper.sum_of, jit_options={**JIT, **INNER})
+def _sum_of(group):  # type: ignore[no-untyped-def]
+    if isinstance(group, Lanes):
+        return lambda group: (group[0] + group[1]) + (group[2] + group[3])
+    return lambda group: group
+
+
+@overload(stepper.largest_of, jit_options={**JIT, **INNER})
+def _largest_of(group):  # type: ignore[no-untyped-def]
+    if isinstance(group, Lanes):
+        return lambda group: max(max(group[0], group[1]), max(group[2], group[3]))
+    return lambda group: group
 
 
 @overload(stepper.grouped, jit_options={**JIT, **INNER})

@@ -193,9 +193,29 @@ def group(engine: Any, j: int) -> Any:
     return engine.components[j]
 
 
+def group_size(engine: Any) -> int:
+    """Return the number of components of a group."""
+    return 1
+
+
 def grouped(engine: Any, i: int) -> Any:
     """Return row `i` as groups."""
     return engine.rows[i]
+
+
+def adjacent(engine: Any, i: int) -> Any:
+    """Return row `i`; at each component as the group of components from there on."""
+    return engine.rows[i]
+
+
+def sum_of(group: Any) -> float:
+    """Return the sum of the numbers of a group."""
+    return float(group)
+
+
+def largest_of(group: Any) -> float:
+    """Return the largest number of a group."""
+    return float(group)
 
 
 def set_fired(engine: Any, i: int, direction: int) -> None:
@@ -312,22 +332,22 @@ def stages(engine: Any, t: float, h: float) -> float:
         # Slopes without a weight in the error estimate.
         k[PROBE] = k[1] + k[2] + k[3] + k[4]
     # fmt: on
-    error, columns = error_of(engine, 0, 1, h), engine.perturbations
-    for c in range(columns):
-        of_column = COLUMN_WEIGHT * error_of(engine, engine.states + c, columns, h)
-        error = (of_column if of_column > error else error) + 0.0 * of_column
+    error = state_error(engine, h)
+    if engine.perturbations > 0:
+        of_columns = COLUMN_WEIGHT * column_error(engine, h)
+        error = of_columns if of_columns > error else error + 0.0 * of_columns
     return error
 
 
-def error_of(engine: Any, first: int, stride: int, h: float) -> float:
-    """Return the error of the state or of a column, in tolerances.
+def state_error(engine: Any, h: float) -> float:
+    """Return the error of the state, in tolerances.
 
     The error estimate of DOP853 is of order 7: it combines two embedded methods, of orders 5 and 3.
     It is not finite if a slope is not.
     """
     error_5, error_3, probe = 0.0, 0.0, 0.0
     for i in range(engine.states):
-        k = component(engine, first + stride * i)
+        k = component(engine, i)
         error_5 += k[DIFFERENCE_5] * k[DIFFERENCE_5]
         error_3 += k[DIFFERENCE_3] * k[DIFFERENCE_3]
         probe += k[PROBE]
@@ -335,14 +355,33 @@ def error_of(engine: Any, first: int, stride: int, h: float) -> float:
     return abs(h) * error_5 / math.sqrt(engine.states * total) + 0.0 * probe
 
 
+def column_error(engine: Any, h: float) -> float:
+    """Return the largest error of a component, in tolerances, by the same estimate.
+
+    A weighted error of a component of the state is below the error of the state.
+    """
+    worst = probe = 0.0 * grouped(engine, FLOOR)[0]
+    for j in range(groups(engine)):
+        k = group(engine, j)
+        square = k[DIFFERENCE_5] * k[DIFFERENCE_5]
+        total = square + 0.01 * k[DIFFERENCE_3] * k[DIFFERENCE_3] + SMALLEST_TOTAL
+        worst = max(worst, square * square / total)
+        probe += k[PROBE] + square
+    return abs(h) * math.sqrt(largest_of(worst)) + 0.0 * sum_of(probe)
+
+
 def dense(engine: Any, t: float, h: float) -> None:
-    """Compute the coefficients of the dense output of the step from `t`, with three more stages."""
+    """Compute the coefficients of the dense output of the step from `t`, with three more stages.
+
+    Of the state only: columns are not interpolated.
+    """
+    count = -(-engine.states // group_size(engine))
     mode, limit = engine.mode, engine.last_instant
     y, slope = grouped(engine, SPARE), grouped(engine, SLOPE)
     start, end = grouped(engine, START), grouped(engine, END)
     # fmt: off
     a0, a6, a7, a8, a9, a10, a11, a12 = A[13]
-    for j in range(groups(engine)):
+    for j in range(count):
         k = group(engine, j)
         y[j] = start[j] + h * (
             a0 * k[0] + a6 * k[6] + a7 * k[7] + a8 * k[8] + a9 * k[9] + a10 * k[10] + a11 * k[11]
@@ -350,7 +389,7 @@ def dense(engine: Any, t: float, h: float) -> None:
         )
     interface.flow(engine, mode, min(t + C[13] * h, limit), y, slope)
     a0, a5, a6, a7, a10, a11, a12, a13 = A[14]
-    for j in range(groups(engine)):
+    for j in range(count):
         k = group(engine, j)
         k[13] = slope[j]
         y[j] = start[j] + h * (
@@ -359,7 +398,7 @@ def dense(engine: Any, t: float, h: float) -> None:
         )
     interface.flow(engine, mode, min(t + C[14] * h, limit), y, slope)
     a0, a5, a6, a7, a8, a12, a13, a14 = A[15]
-    for j in range(groups(engine)):
+    for j in range(count):
         k = group(engine, j)
         k[14] = slope[j]
         y[j] = start[j] + h * (
@@ -367,7 +406,7 @@ def dense(engine: Any, t: float, h: float) -> None:
             + a14 * k[14]
         )
     interface.flow(engine, mode, min(t + C[15] * h, limit), y, slope)
-    for j in range(groups(engine)):
+    for j in range(count):
         k = group(engine, j)
         k[15] = slope[j]
         rise = end[j] - start[j]
@@ -375,28 +414,28 @@ def dense(engine: Any, t: float, h: float) -> None:
         k[DENSE + 1] = h * k[0] - rise
         k[DENSE + 2] = 2.0 * rise - h * (k[12] + k[0])
     d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[0]
-    for j in range(groups(engine)):
+    for j in range(count):
         k = group(engine, j)
         k[DENSE + 3] = h * (
             d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
             + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]
         )
     d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[1]
-    for j in range(groups(engine)):
+    for j in range(count):
         k = group(engine, j)
         k[DENSE + 4] = h * (
             d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
             + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]
         )
     d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[2]
-    for j in range(groups(engine)):
+    for j in range(count):
         k = group(engine, j)
         k[DENSE + 5] = h * (
             d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
             + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]
         )
     d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[3]
-    for j in range(groups(engine)):
+    for j in range(count):
         k = group(engine, j)
         k[DENSE + 6] = h * (
             d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
@@ -417,13 +456,13 @@ def make_dense(engine: Any, t: float, h: float) -> None:
 
 def slope_at_end(engine: Any, t: float) -> bool:
     """Evaluate slope 12, that at END and time `t`; return whether it is finite."""
-    slope = row(engine, SLOPE)
-    interface.flow(engine, engine.mode, min(t, engine.last_instant), row(engine, END), slope)
-    total = 0.0
-    for j in range(engine.n):
-        component(engine, j)[12] = slope[j]
+    end, slope = grouped(engine, END), grouped(engine, SLOPE)
+    interface.flow(engine, engine.mode, min(t, engine.last_instant), end, slope)
+    total = 0.0 * slope[0]
+    for j in range(groups(engine)):
+        group(engine, j)[12] = slope[j]
         total += abs(slope[j])
-    return math.isfinite(total)
+    return math.isfinite(sum_of(total))
 
 
 def stiffness_ratio(engine: Any, h: float) -> float:
@@ -441,7 +480,10 @@ def stiffness_ratio(engine: Any, h: float) -> float:
 
 
 def dense_at(engine: Any, t: float, y: Any) -> None:
-    """Write the state at `t` within the last step into `y`; beyond the step its ends."""
+    """Write the state at `t` within the last step into `y`; beyond the step its ends.
+
+    Columns are known at the ends only.
+    """
     start, end = row(engine, START), row(engine, END)
     inside = engine.t_start < t < engine.t_end
     if not inside:
@@ -454,7 +496,7 @@ def dense_at(engine: Any, t: float, y: Any) -> None:
         make_dense(engine, engine.t_start, h)
     u = (t - engine.t_start) / h
     v = 1.0 - u
-    for j in range(engine.n):
+    for j in range(engine.states):
         k = component(engine, j)
         inner = k[DENSE + 3] + u * (k[DENSE + 4] + v * (k[DENSE + 5] + u * k[DENSE + 6]))
         y[j] = start[j] + u * (k[DENSE] + v * (k[DENSE + 1] + u * (k[DENSE + 2] + v * inner)))
@@ -660,6 +702,7 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
         row(engine, START)[j] = y[j]
         row(engine, END)[j] = y[j]
         row(engine, STATE)[j] = y[j]
+    for j in range(groups(engine) * group_size(engine)):
         row(engine, FLOOR)[j] = engine.atol
     engine.mode = mode
     engine.t = t
@@ -667,7 +710,9 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     engine.t_end = t
     engine.stop = stop
     engine.last_instant = float(np.nextafter(stop, -math.inf))
-    engine.longest = min(engine.max_step, (stop - t) / MIN_STEPS_TO_STOP)
+    engine.longest = engine.max_step
+    if engine.perturbations == 0:  # columns belong to a known motion
+        engine.longest = min(engine.max_step, (stop - t) / MIN_STEPS_TO_STOP)
     engine.begun = 0
     engine.rest = 0
 
@@ -709,8 +754,7 @@ def first_step(engine: Any) -> float:
     The first step must not depend on the previous arc, so that a run can be resumed at any of its
     events.
     """
-    n = engine.states
-    y, ahead, changed = row(engine, END), row(engine, ARGUMENT), row(engine, SLOPE)
+    n, y, changed = engine.states, row(engine, END), row(engine, SLOPE)
     size, speed = 0.0, 0.0
     for j in range(n):
         scale = engine.atol + engine.rtol * abs(y[j])
@@ -720,8 +764,9 @@ def first_step(engine: Any) -> float:
     # A state within the tolerance of zero, or a tiny slope, defines no time scale.
     scaled = size > 1.0 and speed > 1e-10
     h = min(0.01 * math.sqrt(size / speed) if scaled else 1e-3 * engine.max_step, longest)
-    for j in range(engine.n):
-        ahead[j] = y[j] + h * component(engine, j)[12]
+    end, ahead = grouped(engine, END), grouped(engine, ARGUMENT)
+    for j in range(groups(engine)):
+        ahead[j] = end[j] + h * group(engine, j)[12]
     interface.flow(engine, engine.mode, min(engine.t + h, engine.last_instant), ahead, changed)
     bend = 0.0
     for j in range(n):
@@ -746,7 +791,8 @@ def take_step(engine: Any) -> int:
     for j in range(groups(engine)):
         grouped(engine, START)[j] = grouped(engine, END)[j]
         group(engine, j)[0] = group(engine, j)[12]
-    scale_columns(engine)
+    if engine.perturbations > 0:
+        scale_columns(engine)
     engine.has_dense = 0
     t = engine.t_end
     smallest = 4.0 * ULP * max(abs(t), engine.max_step)
@@ -792,14 +838,15 @@ def take_step(engine: Any) -> int:
 
 def scale_columns(engine: Any) -> None:
     """Set the absolute tolerances of columns, which are relative to long columns."""
-    start, floor, n = row(engine, START), row(engine, FLOOR), engine.states
-    columns = engine.perturbations
-    for c in range(columns):
-        size = 1.0
+    start, floor, n = adjacent(engine, START), adjacent(engine, FLOOR), engine.states
+    columns, size = engine.perturbations, group_size(engine)
+    # Groups beyond the last column overlap the first columns of the next component.
+    for last in range(columns - (columns - 1) % size - 1, -1, -size):
+        longest = 0.0 * start[0] + 1.0
         for i in range(n):
-            size = max(size, abs(start[n + columns * i + c]))
+            longest = max(longest, abs(start[n + columns * i + last]))
         for i in range(n):
-            floor[n + columns * i + c] = engine.atol * size
+            floor[n + columns * i + last] = engine.atol * longest
 
 
 def check_stability(engine: Any, h: float) -> None:

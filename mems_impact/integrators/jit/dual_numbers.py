@@ -1,6 +1,6 @@
 """Numbers with tangents for numba: exact derivatives of users' functions, which stay as they are.
 
-A `Dual` is a value with the tangents of w directions, which LLVM keeps in a vector. A `DualVector`
+A `Dual` is a value with the tangents of w directions, which LLVM keeps in vectors. A `DualVector`
 is a view of memory that holds them: for each number one record of 1 + w doubles, value and
 tangents. numba compiles the source of a function for arguments of these types in place of numbers
 and arrays; an operand without tangents stays a number. Values have the bits of the plain function.
@@ -40,6 +40,7 @@ from mems_impact.integrators.derivatives import (
 from mems_impact.integrators.dual_numbers import after, along, by_differences, with_rate, with_rates
 from mems_impact.integrators.jit import trigonometry
 from mems_impact.integrators.jit.integer_arithmetic import OF_REALS, end_where_undefined, multiplied
+from mems_impact.integrators.jit.lanes import LANES
 from mems_impact.integrators.jit.numba_support import FOR_C, INNER, VECTOR, WORD, data, view
 
 __all__ = ["dual", "split_at", "vector", "vector_at"]
@@ -77,10 +78,12 @@ class DualType(types.Type):
 
 
 class TangentsType(types.Type):
-    """The type of `width` tangents."""
+    """The type of `width` tangents, in vectors of the processor."""
 
     def __init__(self, width: int) -> None:
         self.width = width
+        sizes = [min(LANES, width - first) for first in range(0, width, LANES)]
+        self.vectors = [ir.VectorType(DOUBLE, size) for size in sizes]
         super().__init__(f"Tangents({width})")
 
 
@@ -101,6 +104,7 @@ class SplitType(types.Type):
 
 
 VIEWS = (VectorType, SplitType)
+PARTS = tuple, list
 dual = cache(DualType)
 
 
@@ -120,7 +124,7 @@ def _register(kind: Any, members: Callable[[Any], list[tuple[str, Any]]]) -> Non
 @register_model(TangentsType)
 class _TangentsModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, ir.VectorType(DOUBLE, kind.width))
+        super().__init__(manager, kind, ir.LiteralStructType(kind.vectors))
 
 
 _register(DualType, lambda kind: [("value", kind.value), ("slope", kind.slope)])
@@ -128,8 +132,8 @@ _WORDS = [(name, types.int64) for name in ("address", "length", "slopes", "strid
 _register(VectorType, lambda _: _WORDS[:2])
 _register(SplitType, lambda _: _WORDS)
 
-# --- Numbers as parts: a double, a vector of tangents, or a pair of value and slope, each of parts;
-# None is zero
+# --- Numbers as parts: a double, a list of vectors of tangents, or a pair of value and slope, each
+# of parts; None is zero
 
 
 def _parts(context: Any, builder: Any, kind: Any, number: Any) -> Any:
@@ -138,11 +142,9 @@ def _parts(context: Any, builder: Any, kind: Any, number: Any) -> Any:
         struct = cgutils.create_struct_proxy(kind)(context, builder, value=number)
         pair = (kind.value, struct.value), (kind.slope, struct.slope)
         return tuple(_parts(context, builder, *each) for each in pair)
-    return (
-        number
-        if isinstance(kind, TangentsType)
-        else context.cast(builder, number, kind, types.float64)
-    )
+    if isinstance(kind, TangentsType):
+        return cgutils.unpack_tuple(builder, number, len(kind.vectors))
+    return context.cast(builder, number, kind, types.float64)
 
 
 def _lifted(context: Any, builder: Any, kind: Any, number: Any, to: Any) -> Any:
@@ -155,7 +157,8 @@ def _lifted(context: Any, builder: Any, kind: Any, number: Any, to: Any) -> Any:
 def _packed(context: Any, builder: Any, kind: Any, parts: Any) -> Any:
     """Return a number of its parts."""
     if isinstance(kind, TangentsType):
-        return _zeros(kind.width) if parts is None else parts
+        vectors = [ir.Constant(each, None) for each in kind.vectors] if parts is None else parts
+        return cgutils.pack_struct(builder, vectors)
     if not isinstance(kind, DualType):
         return ir.Constant(DOUBLE, 0.0) if parts is None else parts
     result = cgutils.create_struct_proxy(kind)(context, builder)
@@ -163,10 +166,6 @@ def _packed(context: Any, builder: Any, kind: Any, parts: Any) -> Any:
     result.value = _packed(context, builder, kind.value, value)
     result.slope = _packed(context, builder, kind.slope, slope)
     return result._getvalue()
-
-
-def _zeros(width: int) -> Any:
-    return ir.Constant(ir.VectorType(DOUBLE, width), [0.0] * width)
 
 
 def _innermost(parts: Any) -> Any:
@@ -182,22 +181,22 @@ def _constant(value: float, like: Any) -> Any:
 def _add(builder: Any, x: Any, y: Any) -> Any:
     if x is None or y is None:
         return y if x is None else x
-    if isinstance(x, tuple):
-        return tuple(map(partial(_add, builder), x, y))
+    if isinstance(x, PARTS):
+        return type(x)(map(partial(_add, builder), x, y))
     return builder.fadd(x, y)
 
 
 def _negative(builder: Any, x: Any) -> Any:
-    if x is None or isinstance(x, tuple):
-        return x and tuple(map(partial(_negative, builder), x))
+    if x is None or isinstance(x, PARTS):
+        return x and type(x)(map(partial(_negative, builder), x))
     return builder.fneg(x)
 
 
 def _subtract(builder: Any, x: Any, y: Any) -> Any:
     if x is None or y is None:
         return x if y is None else _negative(builder, y)
-    if isinstance(x, tuple):
-        return tuple(map(partial(_subtract, builder), x, y))
+    if isinstance(x, PARTS):
+        return type(x)(map(partial(_subtract, builder), x, y))
     return builder.fsub(x, y)
 
 
@@ -209,6 +208,10 @@ def _multiply(builder: Any, x: Any, y: Any, tangent: bool = False) -> Any:
         terms = ((x[1], y[0]), (x[0], y[1]))
         slope = _add(builder, *(_multiply(builder, *each, tangent) for each in terms))
         return _multiply(builder, x[0], y[0], tangent), slope
+    if isinstance(x, list):
+        return [_multiply(builder, each, y, tangent) for each in x]
+    if isinstance(y, list):
+        return [_multiply(builder, x, each, tangent) for each in y]
     x, y = _splat(builder, x, y.type), _splat(builder, y, x.type)
     product = builder.fmul(x, y)
     if not tangent:
@@ -239,15 +242,17 @@ def _select(builder: Any, condition: Any, x: Any, y: Any) -> Any:
     if x is None and y is None:
         return None
     x, y = (_constant_zero(b) if a is None else a for a, b in ((x, y), (y, x)))
-    if isinstance(x, tuple):
-        return tuple(map(partial(_select, builder, condition), x, y))
+    if isinstance(x, PARTS):
+        return type(x)(map(partial(_select, builder, condition), x, y))
     return builder.select(condition, x, y)
 
 
 def _constant_zero(like: Any) -> Any:
-    return (
-        (_constant_zero(like[0]), None) if isinstance(like, tuple) else ir.Constant(like.type, None)
-    )
+    if isinstance(like, tuple):
+        return _constant_zero(like[0]), None
+    if isinstance(like, list):
+        return list(map(_constant_zero, like))
+    return ir.Constant(like.type, None)
 
 
 @lower_cast(types.Float, DualType)
@@ -600,8 +605,9 @@ def _in_memory(builder: Any, kind: Any, address: Any, index: Any) -> Iterator[An
     """Yield pointers to value and tangents of a number, and of those that are dual."""
     place = builder.add(address, builder.mul(index, ir.Constant(INTEGER, WORD * _doubles(kind))))
     if not isinstance(kind, DualType):
-        of = ir.VectorType(DOUBLE, kind.width) if isinstance(kind, TangentsType) else DOUBLE
-        yield builder.inttoptr(place, of.as_pointer())
+        for i, of in enumerate(kind.vectors if isinstance(kind, TangentsType) else [DOUBLE]):
+            shifted = builder.add(place, ir.Constant(INTEGER, WORD * LANES * i))
+            yield builder.inttoptr(shifted, of.as_pointer())
         return
     first = ir.Constant(INTEGER, 0)
     yield from _in_memory(builder, kind.value, place, first)
@@ -622,11 +628,13 @@ def _places(builder: Any, numbers: Any, view: Any, index: Any) -> Iterator[Any]:
 def _loaded(builder: Any, kind: Any, places: Iterator[Any]) -> Any:
     if isinstance(kind, DualType):
         return tuple(_loaded(builder, each, places) for each in (kind.value, kind.slope))
+    if isinstance(kind, TangentsType):
+        return [builder.load(next(places), align=WORD) for _ in kind.vectors]
     return builder.load(next(places), align=WORD)
 
 
 def _stored(builder: Any, parts: Any, places: Iterator[Any]) -> None:
-    if isinstance(parts, tuple):
+    if isinstance(parts, PARTS):
         for each in parts:
             _stored(builder, each, places)
     else:

@@ -20,7 +20,7 @@ from numba.extending import intrinsic, models, register_model
 
 from mems_impact.integrators.jit.numba_support import WORD
 
-__all__ = ["LANES", "LANE_BITS", "strided_at"]
+__all__ = ["LANES", "LANE_BITS", "Lanes", "strided_at"]
 
 LANE_BITS = 2
 LANES = 1 << LANE_BITS  # numbers of a vector
@@ -72,7 +72,7 @@ class _Get(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         if isinstance(args[0], Strided):
             return signature(args[0].element, args[0], types.int64)
-        return None
+        return signature(types.float64, lanes, types.int64) if args[0] == lanes else None
 
 
 @infer_global(operator.setitem)
@@ -98,6 +98,11 @@ def _get(_context: Any, builder: Any, kinds: Any, args: Any) -> Any:
 def _set(context: Any, builder: Any, kinds: Any, args: Any) -> Any:
     builder.store(args[2], _place(builder, kinds.args[0], *args[:2]), align=WORD)
     return context.get_dummy_value()
+
+
+@lower_builtin(operator.getitem, Lanes, types.int64)
+def _number(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+    return builder.extract_element(*args)
 
 
 def _vector(context: Any, builder: Any, kind: Any, number: Any) -> Any:
