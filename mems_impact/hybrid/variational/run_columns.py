@@ -455,18 +455,15 @@ class RunColumns:
         numbers = np.concatenate([shown, np.full(samples.size, -1)])
         order = np.argsort(np.concatenate([np.arange(shown.size) + 0.5, places]), kind="stable")
         rows, count = numbers[order], len(order)
-        pieces, times = np.zeros((count, 4), dtype=np.int64), np.zeros((count, 4))
-        starts, ends = np.full((count, n), np.nan), np.zeros((count, n))
+        pieces: list[tuple[int, ...]] = []
+        times: list[tuple[float, ...]] = []
         switch_rates = np.zeros((count, s))
         base, time, mode, shift = start.cycle, start.time, start.mode, 0
         reached = base, time  # cycle and time of the last event
-        state: Floats | None = start.y
         later = np.concatenate([np.full(shown.size, np.nan), samples])[order].tolist()
         events = log.cycle, log.time, log.kind, log.guard, log.mode_after
         listed = list(zip(*(column.tolist() for column in events), strict=True))
         for i, row in enumerate(rows.tolist()):
-            if state is not None:
-                starts[i] = state
             cycle, instant, kind, guard, mode_after = listed[row] if row >= 0 else NOTHING
             # Events of one instant have one time base.
             if reached[0] != base and (row < 0 or (cycle, instant) != reached):
@@ -474,30 +471,34 @@ class RunColumns:
             if row < 0 or kind in inside:
                 end = max((later[i] if row < 0 else cycle * period + instant) - base * period, time)
                 approaches = row >= 0 and kind == APPROACH
-                pieces[i] = mode, APPROACH if approaches else SAMPLE, guard, mode
-                times[i] = time, end, shift, base
-                time, state, shift = end, None, 0
+                pieces.append((mode, APPROACH if approaches else SAMPLE, guard, mode))
+                times.append((time, end, shift, base))
+                time, shift = end, 0
                 continue
-            pieces[i] = mode, kind, guard, mode_after
-            times[i] = time, max(instant + (cycle - base) * period, time), shift, base
-            ends[i] = state = log.after[row]
+            end = max(instant + (cycle - base) * period, time)
+            pieces.append((mode, kind, guard, mode_after))
+            times.append((time, end, shift, base))
             if kind == SWITCH and switches.size:
                 whole = np.round((switches - instant) / period)
                 nearest = int(np.argmin(np.abs(switches - instant - whole * period)))
                 later_periods = cycle - base - whole[nearest]
                 switch_rates[i] = self._quantities.switch_rates[:, nearest]
                 switch_rates[i] += later_periods * self._quantities.period_rates
-            shift, time, mode, reached = 0, float(times[i, 1]), mode_after, (cycle, instant)
+            shift, time, mode, reached = 0, end, mode_after, (cycle, instant)
+        happens = ~np.isin([kind for _, kind, *_ in pieces], (SAMPLE, *inside))
+        starts, ends = np.full((1 + count, n), np.nan), np.zeros((count, n))
+        starts[0], ends[happens] = start.y, log.after[rows[happens]]
+        starts[1:][happens] = ends[happens]
         for states in (starts, ends):
             states[:, ~self._moving] *= 0.0
-        y = np.concatenate([starts[0] if count else start.y, self._quantities.starts.ravel()])
+        y = np.concatenate([starts[0], self._quantities.starts.ravel()])
         automaton, options = problem.automaton, problem.options
         path = ColumnPath(
             variational=self._workspace,
             columns=s,
-            pieces=pieces,
-            times=times,
-            starts=starts,
+            pieces=np.array(pieces, dtype=np.int64).reshape(count, 4),
+            times=np.array(times, dtype=float).reshape(count, 4),
+            starts=starts[:count],
             ends=ends,
             period_rates=np.ascontiguousarray(self._quantities.period_rates),
             switch_rates=switch_rates,
