@@ -42,6 +42,8 @@ from .actuator.terms.regularized_friction import RegularizedFriction as Regulari
 from .actuator.terms.cubic_stiffness import CubicStiffness as CubicStiffness
 from .actuator.terms.tabulated_spring import TabulatedSpring as TabulatedSpring
 from .actuator.terms.tilt import Tilt as Tilt
+from .actuator.terms.clamp import Clamp as Clamp
+from .actuator.terms.clamp_electrode import ClampElectrode as ClampElectrode
 from .actuator.terms.frame_force import FrameForce as FrameForce
 from .actuator.terms.frame_spring import FrameSpring as FrameSpring
 
@@ -66,7 +68,7 @@ from .actuator.drives.voltage_step import VoltageStep as VoltageStep
 from .actuator.drives.pulse_and_hold import PulseAndHold as PulseAndHold
 from .actuator.drives.sampled import Sampled as Sampled
 from .actuator.drives.burst import Burst as Burst
-from .actuator.drives.two_sided import TwoSided as TwoSided
+from .actuator.drives.voltages import Voltages as Voltages
 from .actuator.drives.custom import Custom as Custom
 
 # Runs

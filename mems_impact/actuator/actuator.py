@@ -61,7 +61,8 @@ class Actuator(ActuatorParameters):
         Half the permittivity times the overlap area of the electrodes [F m], > 0. The
         electrostatic force is alpha v^2 / (d - x2)^2. Equation (2).
     g : float
-        Gravity [m/s^2], >= 0; the normal force on the ground is N = (m1 + m2) g. Equation (3).
+        Gravity [m/s^2], >= 0; the normal force on the ground is N = (m1 + m2) g, more with a
+        `Clamp`. Equation (3).
     units : {"dimensionless", "SI"}, optional
         The units of all of the above, and of the terms.
     terms : tuple of Term, optional

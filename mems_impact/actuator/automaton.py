@@ -12,9 +12,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 from mems_impact.actuator import equations as eq
+from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.energy_accounting import SUMMED, accounts, sum_of
 from mems_impact.actuator.model import LimitedState, Model, compose, zero
 from mems_impact.actuator.terms.base import Function, TermKind
@@ -84,13 +85,46 @@ def side_of(mode: int) -> int:
 FROM_PARTS = (2, 3, 4, 0, 1)  # the guards in the order of `GUARDS`: friction is the first part
 
 
-def parts_of(model: Model) -> list[Part]:
+class Waveforms(NamedTuple):
+    """The waveforms ``voltage(t, q)`` of a drive at the electrodes, and of a clamp."""
+
+    right: Function
+    left: Function | None = None
+    clamp: Function | None = None
+
+    @classmethod
+    def of(cls, drive: Drive) -> Waveforms:
+        """Return the waveforms of a drive."""
+        return cls(drive.voltage, drive.left_voltage, drive.clamp_voltage)
+
+    @property
+    def electrodes(self) -> int:
+        """Count of electrodes that pull the block."""
+        return 1 if self.left is None else 2
+
+    def lines(self, model: Model, names: str) -> tuple[str, ...]:
+        """Return lines that assign the values at time t to three names, 0 without a waveform."""
+        waves = zip(names, ("right", "left", "clamp"), self, strict=True)
+        return tuple(
+            f"{name} = {f'{kind}(t, p[{model.layout.drive}:])' if wave else '0.0'}"
+            for name, kind, wave in waves
+        )
+
+
+def parts_of(model: Model, waveforms: Waveforms) -> list[Part]:
     """Return the parts of an actuator, in the order of the digits of a mode."""
+    lines = waveforms.lines(model, "vwu") if model.clamp_driven else ("v = w = u = 0.0",)
     frame = Friction(
         "frame",
         "v1",
         mu=model.friction,
-        normal=generated("normal(t, y, p)", "force(p)", force=model.normal_force),
+        normal=generated(
+            "normal(t, y, p)",
+            "force(v, w, u, p)",
+            *lines,
+            force=model.normal_force,
+            **waveforms._asdict(),
+        ),
         static=eq.mu_s,
         sticks=model.sticks,
     )
@@ -123,20 +157,17 @@ def name_of(limited: LimitedState) -> str:
 
 def flow_of(
     model: Model,
-    right: Function,
-    left: Function | None,
+    waveforms: Waveforms,
     dissipation: Mapping[str, Function] | None,
 ) -> Callable[..., Any]:
     """Return the flow without the parts; with dissipated powers, with sums of works and losses."""
-    voltage = f"p[{model.layout.drive}:]"
     # A sum with zero would take as long as any other.
     force, on_frame, on_block = (
         "" if getattr(model, name) is zero else f"{name}(y, p)"
         for name in ("force", "on_frame", "on_block")
     )
     lines = [
-        f"v = right(t, {voltage})",
-        f"w = {f'left(t, {voltage})' if left else '0.0'}",
+        *waveforms.lines(model, "vwu")[: 2 if dissipation is None else 3],
         "pulled = pull(v, w, y, p)",
         f"inner = load(y[X2], y[V2], pulled{force and f' + {force}'}, p)",
         # Reciprocals need not wait for the load, as quotients would.
@@ -148,7 +179,8 @@ def flow_of(
     values = ["y[V1]", "a1", "y[V2]", "a2 - a1", *(f"{rate}(v, w, y, p)" for rate in rates)]
     if dissipation is not None:
         values += ["pulled * y[V2]", "mode.frame * y[V1]"]
-        values += ["sliding(mode.frame, y[V1], p) * y[V1]", "p[C] * y[V2] * y[V2]"]
+        sliding = "sliding(mode.frame, y[V1], normal(v, w, u, p), p) * y[V1]"
+        values += [sliding, "p[C] * y[V2] * y[V2]"]
         values += [f"{loss}(v, w, y, p)" for loss in losses]
     return generated(
         "flow(mode, t, y, p)",
@@ -158,8 +190,8 @@ def flow_of(
         **{name: getattr(model, name) for name in ("pull", "force", "on_frame", "on_block")},
         **rates,
         **losses,
-        right=right,
-        left=left,
+        **waveforms._asdict(),
+        normal=model.normal_force,
         sliding=model.sliding_friction,
     )
 
@@ -178,20 +210,18 @@ def generated(head: str, value: str, *lines: str, **space: Any) -> Callable[...,
 @cache
 def assembled_device(
     kinds: tuple[TermKind, ...],
-    voltage: Callable[..., float],
-    left: Callable[..., float] | None,
+    waveforms: Waveforms,
     *,
     summed: bool,
 ) -> tuple[Model, tuple[str, ...], AssembledSystem]:
     """Return the model of a device, its states, and its parts with its flow."""
-    electrodes = 1 if left is None else 2
-    model = compose(kinds, electrodes)
-    dissipation = accounts(kinds, electrodes).dissipation if summed else None
+    model = compose(kinds, waveforms.electrodes)
+    dissipation = accounts(kinds, waveforms.electrodes).dissipation if summed else None
     sums = () if dissipation is None else (*SUMMED, *dissipation)
     states = (*model.layout.states, *map(sum_of, sums))
     assembled = assemble(
-        parts_of(model),
-        flow=flow_of(model, voltage, left, dissipation),
+        parts_of(model, waveforms),
+        flow=flow_of(model, waveforms, dissipation),
         states=states,
         parameters=(),
         masses={"v1": eq.frame_mass, "v1 + v2": eq.block_mass},
@@ -203,23 +233,20 @@ def assembled_device(
 
 def device_definition(
     kinds: tuple[TermKind, ...],
-    voltage: Callable[..., float],
-    left: Callable[..., float] | None = None,
+    waveforms: Waveforms,
     *,
     summed: bool = False,
     until: tuple[Callable[..., Any], tuple[float, ...], tuple[str, ...]] | None = None,
 ) -> Definition:
-    """Return the definition of an actuator under the waveform ``voltage(t, q)``.
+    """Return the definition of an actuator under waveforms.
 
     Parameters
     ----------
     kinds : tuple of TermKind
         Kinds of the terms.
-    voltage : callable
-        The waveform at the right electrode as a scalar function of time and the drive's parameters
-        (see `mems_impact.actuator.drives.base.Drive`).
-    left : callable, optional
-        The waveform at the left electrode; none by default.
+    waveforms : Waveforms
+        Scalar functions of time and the drive's parameters (see
+        `mems_impact.actuator.drives.base.Drive`).
     summed : bool, optional
         Whether works and losses are additional states (see
         `mems_impact.actuator.energy_accounting`).
@@ -227,7 +254,7 @@ def device_definition(
         A function of the user whose zero ends a run, the units of the states of the actuator, of
         time and of its parameters, and the names of these parameters.
     """
-    model, states, assembled = assembled_device(kinds, voltage, left, summed=summed)
+    model, states, assembled = assembled_device(kinds, waveforms, summed=summed)
     added = range(len(model.layout.states), len(states))
     definition = Definition(
         states=states,
@@ -278,17 +305,16 @@ def mode_names(model: Model) -> tuple[str, ...]:
 def device_automaton(
     bounds: bool,
     kinds: tuple[TermKind, ...],
-    voltage: Function,
-    left: Function | None,
+    waveforms: Waveforms,
     summed: bool,
     until: Any,
 ) -> Automaton:
     """Return the automaton of a `device_definition`, with or without checks of array bounds."""
     return replace(
-        automaton_of(device_definition(kinds, voltage, left, summed=summed, until=until)),
+        automaton_of(device_definition(kinds, waveforms, summed=summed, until=until)),
         stiff=any(kind.term.stiff for kind in kinds),
         bounds=bounds,
-        recipe=(device_automaton, (bounds, kinds, voltage, left, summed, until)),
+        recipe=(device_automaton, (bounds, kinds, waveforms, summed, until)),
     )
 
 

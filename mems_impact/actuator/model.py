@@ -93,13 +93,14 @@ class Model:
     force, on_frame, on_block : callable
         ``force(y, p)`` of the terms.
     normal_force : callable
-        ``normal_force(p)`` between frame and ground.
-    static_limit : callable
-        ``static_limit(p)``
+        ``normal_force(v, w, u, p)`` between frame and ground, for the voltages v, w and u of the
+        right electrode, of the left one and of a clamp.
+    clamp_driven : bool
+        Whether the normal force depends on these voltages.
     friction : callable
         ``friction(speed, p)``, the coefficient of a slip.
     sliding_friction : callable
-        ``sliding_friction(direction, v1, p)``
+        ``sliding_friction(direction, v1, normal, p)`` at a normal force.
     restitution : callable
         ``restitution(speed, p)``
     adhesion : callable or None
@@ -123,7 +124,7 @@ class Model:
     on_frame: Function
     on_block: Function
     normal_force: Function
-    static_limit: Function
+    clamp_driven: bool
     friction: Function
     sliding_friction: Function
     restitution: Function
@@ -165,8 +166,6 @@ def compose(kinds: tuple[TermKind, ...], electrode_count: int) -> Model:
         electrode_of(kinds, electrode_indices, side)
         for electrode_indices, side in zip(indices.electrodes, (1, -1), strict=False)
     )
-    factors = [factor for part in contributions if (factor := part.normal_force_factor)]
-    normal_force = normal_force_of(product_of(factors))
     friction = override(contributions, "friction") or eq.mu_d
     limits = rate_limits(kinds, indices, electrodes)
     return Model(
@@ -177,10 +176,10 @@ def compose(kinds: tuple[TermKind, ...], electrode_count: int) -> Model:
         force=total_of([part.force for part in contributions if part.force]),
         on_frame=total_of([part.on_frame for part in contributions if part.on_frame]),
         on_block=total_of([part.on_block for part in contributions if part.on_block]),
-        normal_force=normal_force,
-        static_limit=limit_of(normal_force),
+        normal_force=normal_force_of(contributions),
+        clamp_driven=any(part.driven_clamp is not None for part in contributions),
         friction=friction,
-        sliding_friction=friction_of(friction, normal_force),
+        sliding_friction=friction_of(friction),
         restitution=override(contributions, "restitution") or impact_law.restitution,
         adhesion=override(contributions, "adhesion"),
         stopper=override(contributions, "stopper"),
@@ -243,29 +242,44 @@ def product_of(functions: Sequence[Function]) -> Function:
     return total
 
 
-def normal_force_of(factor: Function) -> Function:
+def normal_force_of(contributions: Sequence[TermContribution]) -> Function:
     """Return the normal force between frame and ground."""
+    factor = product_of([each for part in contributions if (each := part.weight_factor)])
 
-    def normal_force(p):  # type: ignore[no-untyped-def]
+    def normal_force(v, w, u, p):  # type: ignore[no-untyped-def]
         return (p[eq.M1] + p[eq.M2]) * p[eq.G] * factor(p)
+
+    for part in contributions:
+        if part.clamp is not None:
+            normal_force = pressed(normal_force, part.clamp)
+        if part.driven_clamp is not None:
+            normal_force = pressed_by_voltages(normal_force, part.driven_clamp)
+    return normal_force
+
+
+def pressed(force: Function, clamp: Function) -> Function:
+    """Return a normal force increased by ``clamp(p)``."""
+
+    def normal_force(v, w, u, p):  # type: ignore[no-untyped-def]
+        return force(v, w, u, p) + clamp(p)
 
     return normal_force
 
 
-def limit_of(normal_force: Function) -> Function:
-    """Return the limit of static friction."""
+def pressed_by_voltages(force: Function, clamp: Function) -> Function:
+    """Return a normal force increased by ``clamp(v, w, u, p)``."""
 
-    def static_limit(p):  # type: ignore[no-untyped-def]
-        return p[eq.MU_S] * normal_force(p)
+    def normal_force(v, w, u, p):  # type: ignore[no-untyped-def]
+        return force(v, w, u, p) + clamp(v, w, u, p)
 
-    return static_limit
+    return normal_force
 
 
-def friction_of(coefficient: Function, normal_force: Function) -> Function:
+def friction_of(coefficient: Function) -> Function:
     """Return the friction force on a slipping frame."""
 
-    def sliding_friction(direction, v1, p):  # type: ignore[no-untyped-def]
-        return direction * coefficient(direction * v1, p) * normal_force(p)
+    def sliding_friction(direction, v1, normal, p):  # type: ignore[no-untyped-def]
+        return direction * coefficient(direction * v1, p) * normal
 
     return sliding_friction
 

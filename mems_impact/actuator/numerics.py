@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -13,7 +14,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator.automaton import MARGIN_UNITS
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
-from mems_impact.actuator.drives.base import Drive, Waveform
+from mems_impact.actuator.drives.base import CHANNELS, Drive, Waveform
 from mems_impact.actuator.equations import X2
 from mems_impact.actuator.geometry.geometry import PREFIX
 from mems_impact.actuator.model import HIDDEN, compose, layout
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from mems_impact.actuator.actuator import Actuator
 
 __all__ = ["ActuatorNumerics"]
+
+NORMAL_SAMPLES = 33  # of the normal force between two switches of the drive
 
 
 class ActuatorNumerics(HybridSystem):
@@ -68,6 +71,26 @@ class ActuatorNumerics(HybridSystem):
     def drive_unit(self) -> str:
         """The SI unit of the values of the drive: "V", or "C" if it sets a charge."""
         return drive_unit(self.actuator.terms)
+
+    @property
+    def clamp_driven(self) -> bool:
+        """Whether the normal force on the ground depends on the voltages of the drive."""
+        return compose(self._kinds, self._electrodes).clamp_driven
+
+    def source_values(self, time: Any) -> tuple[Floats, ...]:
+        """Return the scaled voltages of both electrodes and a clamp at times of the drive."""
+        values = (self.source.value(time, channel=channel) for channel in CHANNELS)
+        return tuple(np.asarray(self.into_drive(each)) for each in values)
+
+    def normal_forces(self) -> Floats:
+        """Return the normal force on the ground, scaled: samples of a period if it varies."""
+        model, p = compose(self._kinds, self._electrodes), self.numbers().parameters
+        if not self.clamp_driven:
+            return np.array([model.normal_force(0.0, 0.0, 0.0, p)])
+        edges = [0.0, *self.source.switches, self.source.period]
+        inner = [np.linspace(a, np.nextafter(b, 0.0), NORMAL_SAMPLES) for a, b in pairwise(edges)]
+        rows = zip(*self.source_values(np.concatenate(inner)), strict=True)
+        return np.array([model.normal_force(*row, p) for row in rows])
 
     def into_drive(self, values: Any) -> Any:
         """Convert values of the drive to scaled units."""
@@ -306,7 +329,7 @@ class ActuatorNumerics(HybridSystem):
 
     @property
     def _electrodes(self) -> int:
-        return 1 if self.drive.left_voltage is None else 2
+        return len(self.drive.sides)
 
     @cached_property
     def _own_states(self) -> tuple[str, ...]:

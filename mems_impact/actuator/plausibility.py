@@ -151,7 +151,7 @@ def _check_times(actuator: Device, drive: Drive, prefix: str) -> None:
 def _peak(drive: Drive) -> float:
     """Return the largest sampled voltage."""
     times = np.linspace(0.0, drive.period, VOLTAGE_SAMPLES, endpoint=False)
-    return float(max(np.abs(drive.value(times, left=left)).max() for left in (False, True)))
+    return float(max(np.abs(drive.value(times, channel=side)).max() for side in drive.sides))
 
 
 def _contact_voltage(actuator: Device) -> float:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS
-from mems_impact.actuator.automaton import assembled_device, direction_of, side_of
+from mems_impact.actuator.automaton import Waveforms, assembled_device, direction_of, side_of
+from mems_impact.actuator.design.static_forces import normal_force
 from mems_impact.actuator.equations import STATES, V1
 from mems_impact.actuator.numerics import ActuatorNumerics
 from mems_impact.actuator.parameters import ActuatorParameters
@@ -42,10 +43,9 @@ class ActuatorStateSpace(StateSpace):
 
     def contact_forces(self, samples: Samples, problem: Problem) -> dict[str, Floats]:
         """Return the friction force on the frame, and the force of the stoppers on the block."""
-        system, source = self._system, self._system.source
-        assembled = assembled_device(
-            system._kinds, source.voltage, source.left_voltage, summed=system.includes_energy
-        )[-1]
+        system = self._system
+        waveforms = Waveforms.of(system.source)
+        assembled = assembled_device(system._kinds, waveforms, summed=system.includes_energy)[-1]
         rows = zip(samples.mode.tolist(), samples.time.tolist(), samples.y, strict=True)
         found = assembled.forces.columns(rows, problem.parameters)
         return {name: self._units.scales.out(force, "N") for name, force in found.items()}
@@ -143,7 +143,8 @@ def kicked_state(actuator: ActuatorParameters) -> State:
     """
     speed, common = kick_speeds(actuator)
     oscillation = 2.0 * math.pi * math.sqrt(actuator.m2 / actuator.k)
-    if common > actuator.mu_d * actuator.g * oscillation:
+    friction = actuator.mu_d * normal_force(actuator.to_array(), actuator.terms)
+    if common * (actuator.m1 + actuator.m2) > friction * oscillation:
         return State(v1=-common, v2=speed)
     return State(v2=speed)
 

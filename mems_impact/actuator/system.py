@@ -19,7 +19,7 @@ from mems_impact._util.limits import UNLIMITED, Bound, Limits
 from mems_impact._util.units import Scales
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law
-from mems_impact.actuator.automaton import IMPACTS, device_automaton, device_definition
+from mems_impact.actuator.automaton import IMPACTS, Waveforms, device_automaton, device_definition
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
@@ -108,6 +108,11 @@ class ActuatorSystem(ActuatorNumerics):
         drive.check()
         drive.check_period()
         self._put(actuator, drive, scales or actuator.scales)
+        for term in actuator.terms:
+            term.check_under(drive)
+        if drive.clamp_voltage is not None and not self.clamp_driven:
+            problem = "nothing follows it; give the device a ClampElectrode with follows='clamp'"
+            raise InvalidParameter("clamp", None, "", problem=problem)
         if self._signed or self.source is not drive:
             drive.check_signed()
             self.source.check()
@@ -156,7 +161,7 @@ class ActuatorSystem(ActuatorNumerics):
             sizes = [float(scales.out(1.0, unit)) if unit else 1.0 for unit in kinds]
             units = [float(self.units.out(name, 1.0)) for name in self._own_states]
             until = self._until, (*units, float(scales.out(1.0, "s")), *sizes), PARAMETER_NAMES
-        return self._kinds, source.voltage, source.left_voltage, self.includes_energy, until
+        return self._kinds, Waveforms.of(source), self.includes_energy, until
 
     def _export_model(
         self,

@@ -171,8 +171,9 @@ def analog_block(layout: Layout) -> Text:
 def add_constants(text: Text, layout: Layout) -> None:
     """Append variables that depend on parameters alone."""
     text.let("w0", "sqrt(k/m2)")
-    normal = "".join(f"*{factor}" for factor in layout.every("normal_force_factor"))
-    text.let("normal", f"(m1 + m2)*g{normal}")
+    factors = "".join(f"*{factor}" for factor in layout.every("weight_factor"))
+    clamps = "".join(f" + {clamp}" for clamp in layout.every("clamp"))
+    text.let("normal", f"(m1 + m2)*g{factors}{clamps}")
     if layout.series:
         text.let("charge_unit", "sqrt(k*d*alpha)")
     if layout.charging:

@@ -54,8 +54,10 @@ class TermCode:
     ----------
     force, on_frame, on_block
         Forces on the block with the reaction on the frame, and external forces.
-    normal_force_factor : str
-        A factor of the normal force.
+    weight_factor : str
+        A factor of the weight in the normal force.
+    clamp : str
+        A force that presses the frame on the ground.
     adhesion : str
         The pull-off force.
     states : tuple of ModuleState
@@ -72,7 +74,8 @@ class TermCode:
     force: str = ""
     on_frame: str = ""
     on_block: str = ""
-    normal_force_factor: str = ""
+    weight_factor: str = ""
+    clamp: str = ""
     adhesion: str = ""
     states: tuple[ModuleState, ...] = ()
     functions: tuple[str, ...] = ()

@@ -536,8 +536,7 @@ def _voltages(system: HybridSystem, motion: MotionSnapshot) -> tuple[Floats, ...
     if not isinstance(system, ActuatorSystem):
         return ()
     phase = np.remainder(motion.frames["t"], system.forcing_period)
-    sides = (False, True) if system.drive.left_voltage is not None else (False,)
-    return tuple(system.source.value(phase, left=left) for left in sides)
+    return tuple(system.source.value(phase, channel=side) for side in system.drive.sides)
 
 
 def _cycles(run: Run, unit: float) -> Cycles:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mems_impact.actuator.drives import Burst, Drive, Pulse, Sine, Square, Trapezoid, TwoSided
+from mems_impact.actuator.drives import Burst, Drive, Pulse, Sine, Square, Trapezoid, Voltages
 from tests.actuator.waveforms import DRIVES, channels
 
 every = pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
@@ -135,7 +135,7 @@ def test_a_phase_below_rounding_loses_no_switch(phase):
 @settings(max_examples=15, deadline=None)
 @given(waves, phases)
 def test_contract_of_random_pairs(wave, phase):
-    drive = TwoSided(right=wave, left=wave.replace(phase=phase))
+    drive = Voltages(right=wave, left=wave.replace(phase=phase))
     assume(roomy(drive))
     check(drive)
 
@@ -171,9 +171,9 @@ def test_scaled(drive, voltage, time):
     assert new.period == pytest.approx(drive.period / time, rel=1e-14)
     assert new.switches == pytest.approx(np.array(drive.switches) / time, rel=1e-12)
     grid = np.linspace(0.0, drive.period, 37) + 0.0031 * drive.period
-    for left in (False, True):
-        expected = drive.value(grid, left=left) / voltage
-        np.testing.assert_allclose(new.value(grid / time, left=left), expected, atol=1e-11)
+    for channel in ("right", "left", "clamp"):
+        expected = drive.value(grid, channel=channel) / voltage
+        np.testing.assert_allclose(new.value(grid / time, channel=channel), expected, atol=1e-11)
     check(new)
     assert new.scaled(1.0 / voltage, 1.0 / time).period == pytest.approx(drive.period, rel=1e-14)
 

@@ -16,8 +16,8 @@ FILES = {
     "record": ('kind = "sampled"\ntimes = [0, 1, 2]\nvoltages = [0, 1, 0.5]', mi.Sampled),
     "burst": ('kind = "burst"\non = 3\noff = 2\n[drive.wave]\nkind = "sine"\n'
               "amplitude = 0.2\nomega = 1", mi.Burst),
-    "two-sided": ('kind = "two-sided"\n[drive.right]\nkind = "sine"\namplitude = 0.2\nomega = 1\n'
-                  '[drive.left]\nkind = "sine"\namplitude = 0.1\nomega = 1', mi.TwoSided),
+    "voltages": ('kind = "voltages"\n[drive.right]\nkind = "sine"\namplitude = 0.2\nomega = 1\n'
+                  '[drive.left]\nkind = "sine"\namplitude = 0.1\nomega = 1', mi.Voltages),
     "custom": ('kind = "custom"\nsource = "wave.py"\nperiod = 3.141592653589793\n'
                "values = {top = 0.2}", mi.Custom),
 }  # fmt: skip

@@ -42,9 +42,9 @@ def test_half_a_period_later_on_the_other_side():
     half = pulse.replace(phase=math.pi)
     weak, weak_half = pulse.replace(amplitude=0.1), half.replace(amplitude=0.1)
     one = mi.simulate(
-        ZHAO, mi.TwoSided(right=pulse, left=weak_half), 8, initial=KICK, options=PLAIN
+        ZHAO, mi.Voltages(right=pulse, left=weak_half), 8, initial=KICK, options=PLAIN
     )
-    start, pair = mi.State(v2=-0.5, time=6.0), mi.TwoSided(right=weak, left=half)
+    start, pair = mi.State(v2=-0.5, time=6.0), mi.Voltages(right=weak, left=half)
     other = mi.simulate(ZHAO, pair, 8, initial=start, options=PLAIN)
     np.testing.assert_allclose(swapped(one), -np.array(swapped(other)), rtol=0, atol=1e-7)
     assert one.statistics["displacement per period"] > 1e-4
@@ -53,7 +53,7 @@ def test_half_a_period_later_on_the_other_side():
 
 def test_two_sided_with_nothing_on_the_left_is_one_sided():
     sine = mi.Sine(amplitude=0.24, omega=0.5)
-    pair = mi.TwoSided(right=sine, left=sine.replace(amplitude=0.0))
+    pair = mi.Voltages(right=sine, left=sine.replace(amplitude=0.0))
     one, two = (mi.simulate(ZHAO, each, 10, initial=KICK, options=PLAIN) for each in (sine, pair))
     assert pair.period == sine.period
     np.testing.assert_allclose(swapped(one), swapped(two), rtol=0, atol=1e-12)
@@ -117,7 +117,7 @@ def test_custom_is_the_sine():
         "square with flanks",
         "sampled",
         pytest.param("burst of pulses", marks=pytest.mark.slow),
-        pytest.param("two-sided", marks=pytest.mark.slow),
+        pytest.param("voltages", marks=pytest.mark.slow),
         pytest.param("jumping custom", marks=pytest.mark.slow),
     ],
 )
@@ -132,7 +132,7 @@ def test_engines_agree(name):
     np.testing.assert_allclose(swapped(runs[0]), swapped(runs[1]), rtol=0, atol=1e-7)
 
 
-@pytest.mark.parametrize("name", ["square with flanks", "burst of pulses", "two-sided", "custom"])
+@pytest.mark.parametrize("name", ["square with flanks", "burst of pulses", "voltages", "custom"])
 def test_a_device_in_si_moves_as_the_dimensionless_one(name):
     """Any scales will do: the drive is scaled with the device."""
     from mems_impact.actuator.units import DeviceScales

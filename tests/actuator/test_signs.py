@@ -30,10 +30,10 @@ WHOLE = {
     "sine": (SINE, SINE.replace(bias=1e-17)),
 }  # fmt: skip
 BOTH = {
-    "one to one": mi.TwoSided(right=TRIANGLE, left=TRIANGLE.replace(phase=1.3)),
-    "two to one": mi.TwoSided(right=TRIANGLE, left=FLANKS.replace(omega=0.25, rise=1.0)),
-    "three to two": mi.TwoSided(right=TRIANGLE.replace(omega=0.75), left=FLANKS),
-    "one side alone": mi.TwoSided(
+    "one to one": mi.Voltages(right=TRIANGLE, left=TRIANGLE.replace(phase=1.3)),
+    "two to one": mi.Voltages(right=TRIANGLE, left=FLANKS.replace(omega=0.25, rise=1.0)),
+    "three to two": mi.Voltages(right=TRIANGLE.replace(omega=0.75), left=FLANKS),
+    "one side alone": mi.Voltages(
         right=TRIANGLE, left=mi.Pulse(amplitude=0.3, period=TRIANGLE.period, width=2.0)
     ),
     "a burst": mi.Burst(wave=TRIANGLE, on=3.0, off=2.0),
@@ -96,9 +96,9 @@ def test_waves_within_continue_with_their_sign(name):
     sides = [drive.wave] if isinstance(drive, mi.Burst) else [drive.right, drive.left]
     length = drive.length if isinstance(drive, mi.Burst) else 2.0 * drive.period
     at = np.array([time for time in times(drive) if time < length])
-    for side, own in enumerate(sides):
+    for own, side in zip(sides, drive.sides, strict=True):
         expected = own.value(at)
-        np.testing.assert_allclose(drive.value(at, left=side == 1), expected, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(drive.value(at, channel=side), expected, rtol=0, atol=1e-12)
 
 
 def test_who_changes_the_sign():

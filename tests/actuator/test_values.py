@@ -38,7 +38,7 @@ def local_custom():
 OWN = {
     "custom": custom(),
     "local custom": local_custom(),
-    "two-sided custom": mi.TwoSided(right=custom(), left=SINE),
+    "two-sided custom": mi.Voltages(right=custom(), left=SINE),
     "burst of a custom one": mi.Burst(wave=local_custom(), on=4, off=2),
 }
 ALL = {**DRIVES, **OWN}
@@ -77,14 +77,14 @@ def test_a_run_comes_back_from_a_file_whatever_its_drive(name, tmp_path):
 
 
 def test_the_file_holds_device_and_drive_as_their_own_files_do(tmp_path):
-    drive = mi.TwoSided(right=SINE, left=mi.Burst(wave=SINE, on=1, pause=SINE.period))
+    drive = mi.Voltages(right=SINE, left=mi.Burst(wave=SINE, on=1, pause=SINE.period))
     ZHAO.under(drive).save(tmp_path / "system")
     with zipfile.ZipFile(tmp_path / "system") as file:
         told = json.loads(file.read("header.json"))["result"]
     assert told["is"] == "ActuatorSystem"
     assert told["actuator"]["dict"]["m1"] == 5.0
     sides = told["drive"]["dict"]
-    assert sides["kind"] == "two-sided"
+    assert sides["kind"] == "voltages"
     assert sides["left"]["dict"]["wave"]["dict"]["kind"] == "sine"
 
 

@@ -219,7 +219,7 @@ DIFFERENT = SMOOTH.adding(
 )
 def test_circuit_simulator_finds_the_same_motion(tmp_path, device, amplitudes, periods, impacts):
     waves = [mi.Sine(amplitude=a, frequency=FREQUENCY, phase=-0.5 * math.pi) for a in amplitudes]
-    drive = waves[0] if len(waves) == 1 else mi.TwoSided(right=waves[0], left=waves[1])
+    drive = waves[0] if len(waves) == 1 else mi.Voltages(right=waves[0], left=waves[1])
     options = replace(PRECISE, engine="interpreted")
     run = mi.simulate(device, drive, periods=periods, options=options)
     samples = run.samples(per_period=400)

@@ -16,7 +16,7 @@ BURST += "amplitude = 0.2\nomega = 1\n"
 
 def test_the_options_are_the_fields():
     described = {kind: described_by_options(kind) for kind in WAVEFORMS}
-    nested = {"sampled", "burst", "two-sided", "custom"}
+    nested = {"sampled", "burst", "voltages", "custom"}
     assert {kind for kind in described if not described[kind]} == nested
     assert set(NUMBERS) == {name for names in described.values() for name in names}
 

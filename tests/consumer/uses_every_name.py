@@ -46,7 +46,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.PulseAndHold(amplitude=1.0, width=0.1, hold=0.5),
         mi.Sampled(times=(0.0, 0.5), voltages=(0.0, 1.0), period=1.0),
         mi.Burst(wave=sine, on=3.0, off=2.0),
-        mi.TwoSided(right=sine, left=sine),
+        mi.Voltages(right=sine, left=sine),
         mi.Custom(function=math.cos, rate=math.sin, period=1.0),
         mi.load("wave.toml"),
     ]

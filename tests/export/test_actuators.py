@@ -21,12 +21,12 @@ pytestmark = [
 ]
 TEMPLATES = mi.__path__[0] + "/export/templates"
 ZHAO, MITA = mi.load_actuator("zhao2004"), mi.load_actuator("mita2003")
-BOTH = mi.TwoSided(
+BOTH = mi.Voltages(
     right=mi.Square(amplitude=60.0, frequency=100.0),
     left=mi.Square(amplitude=60.0, frequency=100.0, phase=3.0),
 )
 SYSTEMS = {name: ZHAO.under(drive) for name, drive in DRIVES.items()}
-CHARGES = mi.TwoSided(
+CHARGES = mi.Voltages(
     right=mi.Square(amplitude="2 pC", frequency=100.0),
     left=mi.Square(amplitude="2 pC", frequency=100.0, phase=3.0),
 )

@@ -527,7 +527,7 @@ def test_inputs_of_a_device(tmp_path, inputs, said):
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     with pytest.raises(mi.InvalidParameter, match=said):
         ZHAO.to_fmu(tmp_path / "device.fmu", drive, inputs=inputs)
-    both = mi.TwoSided(right=drive, left=drive)
+    both = mi.Voltages(right=drive, left=drive)
     with pytest.raises(mi.InvalidParameter, match="must be"):
         ZHAO.to_fmu(tmp_path / "device.fmu", both, inputs=inputs[:1])
 

@@ -104,7 +104,7 @@ def transitions():
 
 def two_sided(*terms):
     pulse = mi.Pulse(amplitude=40.0, period=2e-3, width=5e-4)
-    return mi.plot_drive(mi.TwoSided(right=pulse, left=pulse.replace(amplitude=30.0)),
+    return mi.plot_drive(mi.Voltages(right=pulse, left=pulse.replace(amplitude=30.0)),
                          mi.load_actuator("mita2003").adding(*terms))[0]  # fmt: skip
 
 
@@ -112,7 +112,7 @@ def two_sided(*terms):
 def resisted():
     """A run with two electrodes behind resistances."""
     pulse = mi.Pulse(amplitude=0.5, period=12.0, width=3.8)
-    drive = mi.TwoSided(right=pulse, left=pulse.replace(amplitude=0.4, phase=3.0))
+    drive = mi.Voltages(right=pulse, left=pulse.replace(amplitude=0.4, phase=3.0))
     device = mi.load_actuator("zhao2004").adding(mi.SeriesResistance(resistance=0.3))
     options = mi.Options(engine="interpreted")
     return mi.simulate(device, drive, 4, initial=mi.State(v2=0.6), options=options)

@@ -45,7 +45,7 @@ class Spec:
 
     def pieces(self) -> Callable[[float], Piece]:
         """Return what pulls, for the judge."""
-        if self.kind != "two-sided":
+        if self.kind != "voltages":
             right = self.wave()
 
             def one(t: float) -> Piece:
@@ -91,7 +91,7 @@ BUILD: dict[str, Callable[..., Drive]] = {
     "trapezoid": mi.Trapezoid,
     "sampled": mi.Sampled,
     "burst": mi.Burst,
-    "two-sided": mi.TwoSided,
+    "voltages": mi.Voltages,
 }
 
 
@@ -343,7 +343,7 @@ DRAW: dict[str, Callable[[np.random.Generator, float, float], Fields]] = {
     "sampled": _draw_sampled,
     "custom": _draw_custom,
 }
-WEIGHTS = {"sine": 3.0, "burst": 1.0, "two-sided": 1.0, **dict.fromkeys(list(DRAW)[1:], 1.0)}
+WEIGHTS = {"sine": 3.0, "burst": 1.0, "voltages": 1.0, **dict.fromkeys(list(DRAW)[1:], 1.0)}
 WITHIN = ("sine", "square")  # of bursts and pairs: each combination is compiled by itself
 
 
@@ -359,8 +359,8 @@ def random_spec(rng: np.random.Generator, scale: float, own: float) -> Spec:
         off = 10.0 ** float(rng.uniform(-1.0, 1.0))
         wave = Spec(inner, DRAW[inner](rng, scale, 5.0 * omega))
         return Spec("burst", {"wave": wave, "on": on, "off": off})
-    if kind == "two-sided":
-        return Spec("two-sided", _pair(rng, scale, omega))
+    if kind == "voltages":
+        return Spec("voltages", _pair(rng, scale, omega))
     return Spec(kind, DRAW[kind](rng, scale, omega))
 
 

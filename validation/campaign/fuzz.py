@@ -38,7 +38,7 @@ DRIVES = (
     "period = 5.0\nphase = 1.0\n",
     '[drive]\nkind = "burst"\non = 3.5\noff = 2.0\n[drive.wave]\nkind = "sine"\namplitude = 0.3\n'
     "omega = 2.0\n",
-    '[drive]\nkind = "two-sided"\n[drive.right]\nkind = "sine"\namplitude = 0.3\nomega = 0.5\n'
+    '[drive]\nkind = "voltages"\n[drive.right]\nkind = "sine"\namplitude = 0.3\nomega = 0.5\n'
     '[drive.left]\nkind = "square"\namplitude = 0.2\nomega = 1.0\n',
 )
 CSV = "t,v\n0.0,0.1\n0.5,0.3\n1.0,0.2\n1.5,-0.1\n2.0,0.1\n"

@@ -304,7 +304,8 @@ def powers(judge: Device, model: Model, mode: int, t: float, y: Floats, p: Float
     right, left = (volts(judge.p, first, t) for first in (RIGHT_SOURCE, LEFT_SOURCE))
     way = direction_of(mode)
     pulled = model.pull(right, left, y, p) * y[3]
-    friction = model.sliding_friction(way, y[1], p) if way != 0 else 0.0
+    normal = model.normal_force(right, left, 0.0, p)
+    friction = model.sliding_friction(way, y[1], normal, p) if way != 0 else 0.0
     lost = p[3] * y[3] ** 2 + friction * y[1]
     lost += sum(part.dissipation(y, p) for part in model.contributions if part.dissipation)
     return np.array([[pulled, -lost], [model.on_frame(y, p) + model.on_block(y, p), -friction]])

@@ -19,12 +19,13 @@ from mems_impact._util.formatting import html_table
 from mems_impact._util.quantities import quantity
 from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER, QUANTITIES
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
-from mems_impact.actuator.design.static_forces import StaticForces
+from mems_impact.actuator.design.static_forces import StaticForces, clamp_force
 from mems_impact.actuator.geometry.base import PERMITTIVITY, Finding
 from mems_impact.actuator.geometry.geometry import Geometry
 from mems_impact.actuator.parameter_base import unknown
 from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.terms.base import Term
+from mems_impact.actuator.terms.clamp import Clamp
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.state import is_number
 
@@ -36,6 +37,7 @@ __all__ = ["DataSheet", "actuator_from_design"]
 A = TypeVar("A", bound=ActuatorParameters)
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
+MAX_FRICTION = 1.0  # static friction over weight, above which another force presses the frame
 CONSISTENT_RTOL = 1e-6  # relative difference of two values of a quantity that agree
 PULL_IN_RTOL = 1e-14  # relative error of an electrode constant found from a pull-in voltage
 PULL_IN_ITERATIONS = 50
@@ -43,7 +45,7 @@ SNAP = 1.0 / 3.0  # of the gap, where a slowly rising voltage makes the block sn
 COMPUTED = ("pull_in", "release", "capacitance", "spring_force")  # of a device with terms
 MAY_BE_ZERO = {
     "damping", "damping_ratio", "restitution", "gravity", "friction", "static_friction",
-    "dynamic_friction", "static_friction_force", "dynamic_friction_force",
+    "dynamic_friction", "static_friction_force", "dynamic_friction_force", "clamp_force",
 }  # fmt: skip
 STICKS, SLIPS = "sticks until the blow", "slips before the blow"
 
@@ -97,6 +99,24 @@ class TotalMass(Relation):
             return values["frame_mass"] + values["proof_mass"]
         other = "proof_mass" if name == "frame_mass" else "frame_mass"
         return values["total_mass"] - values[other]
+
+
+class NormalForce(Relation):
+    """The sum of the weight and the force of clamps."""
+
+    names = ("normal_force", "total_mass", "gravity", "clamp_force")
+
+    def solve(self, name: str, values: Mapping[str, float]) -> float | None:
+        """Return one of the two forces, or a factor of the weight."""
+        if name == "normal_force":
+            return values["total_mass"] * values["gravity"] + values["clamp_force"]
+        if name == "clamp_force":
+            weight = values["total_mass"] * values["gravity"]
+            clamp = values["normal_force"] - weight
+            return 0.0 if abs(clamp) <= CONSISTENT_RTOL * weight else clamp
+        other = values["gravity" if name == "total_mass" else "total_mass"]
+        weight = values["normal_force"] - values["clamp_force"]
+        return weight / other if other > 0.0 else None
 
 
 class MassShare(Relation):
@@ -175,8 +195,9 @@ RELATIONS: tuple[Relation, ...] = (
     PowerLaw(0.5, quality=1, damping_ratio=1),
     PowerLaw(0.5, damping_ratio=1, damping=-1, stiffness=0.5, proof_mass=0.5),
     PowerLaw(2.0 / PERMITTIVITY, electrode_area=1, electrode_constant=-1),
-    PowerLaw(1.0, static_friction=1, total_mass=1, gravity=1, static_friction_force=-1),
-    PowerLaw(1.0, dynamic_friction=1, total_mass=1, gravity=1, dynamic_friction_force=-1),
+    NormalForce(),
+    PowerLaw(1.0, static_friction=1, normal_force=1, static_friction_force=-1),
+    PowerLaw(1.0, dynamic_friction=1, normal_force=1, dynamic_friction_force=-1),
 )
 SPRING_FORCE = PowerLaw(1.0, stiffness=1, travel=1, spring_force=-1)
 CAPACITANCE = PowerLaw(2.0, capacitance=1, gap=1, electrode_constant=-1)
@@ -218,6 +239,7 @@ def actuator_from_design(kind: type[A], design: Mapping[str, Any], terms: Sequen
     for name, value in ({} if geometry is None else geometry.quantities).items():
         if name not in known:
             known = _propagated({**known, name: value}, relations)
+    terms = _with_clamp(known, terms, relations)
     spring: Any = next((term for term in terms if term.name() == "tabulated_spring"), None)
     if spring is not None and "stiffness" not in known and spring.slope(0.0) > 0.0:
         known = _propagated({**known, "stiffness": spring.slope(0.0)}, relations)
@@ -265,6 +287,32 @@ def _further_terms(drawn: Sequence[Term], given: Sequence[Term]) -> list[Term]:
         term for term in drawn
         if term.name() not in names and rules.isdisjoint(term.replaced_rules)
     ]  # fmt: skip
+
+
+def _with_clamp(
+    known: dict[str, float], terms: Sequence[Term], relations: Sequence[Relation]
+) -> tuple[Term, ...]:
+    """Return the terms with a `Clamp` of the known force; complete the forces on the ground.
+
+    Without a quantity that tells a clamp, the normal force is that of the weight and the terms.
+    """
+    of_terms = clamp_force(terms)
+    if "clamp_force" not in known:
+        known |= _propagated({**known, "clamp_force": of_terms}, relations)
+        for name in ("static_friction", "dynamic_friction"):
+            force = f"{name}_force"
+            if known.get(name, 0.0) > MAX_FRICTION and force in known and of_terms == 0.0:
+                problem = (
+                    f"{known[name]:.4g} times the weight of {known['normal_force']:.4g} N; give "
+                    f"{name}, or normal_force, for a device that a clamp presses on the ground"
+                )
+                raise InvalidParameter(force, known[force], "", problem=problem)
+    extra = known["clamp_force"] - of_terms
+    if abs(extra) <= CONSISTENT_RTOL * known["clamp_force"]:
+        return tuple(terms)
+    if extra < 0.0 or any(isinstance(term, Clamp) for term in terms):
+        raise _contradiction("clamp_force", known["clamp_force"], of_terms, "the terms")
+    return (*terms, Clamp(force=extra))
 
 
 def _numbers(design: Mapping[str, Any]) -> dict[str, float]:
@@ -452,6 +500,7 @@ class DataSheet(Mapping[str, Any]):
         }
         terms = self.actuator.terms
         without_voltages = [each for each in relations_of(terms) if each not in VOLTAGES]
+        parameters["clamp_force"] = clamp_force(terms)
         known = _propagated(parameters, without_voltages)
         if "capacitance" not in known:
             known["capacitance"] = _capacitance(self.actuator)
@@ -464,6 +513,8 @@ class DataSheet(Mapping[str, Any]):
             voltage = self._voltage(compute)
             if voltage is not None:
                 known[name] = voltage
+        if known["clamp_force"] == 0.0:
+            del known["clamp_force"]
         values: dict[str, Any] = {name: known[name] for name in QUANTITIES if name in known}
         others = ("terms", self.actuator.terms), ("geometry", self.actuator.geometry)
         return values | {name: value for name, value in others if value}

@@ -37,6 +37,8 @@ QUANTITIES = {
     "release": Entry("V", "voltage below which the block leaves the stopper"),
     "static_friction": Entry("", "coefficient of static friction", "mu_s"),
     "dynamic_friction": Entry("", "coefficient of dynamic friction", "mu_d"),
+    "normal_force": Entry("N", "normal force of the frame on a level ground"),
+    "clamp_force": Entry("N", "force of clamps, which adds to the weight"),
     "static_friction_force": Entry("N", "force at which the frame begins to slip"),
     "dynamic_friction_force": Entry("N", "friction force on the slipping frame"),
     "gravity": Entry("m/s^2", "gravity", "g"),

@@ -155,8 +155,7 @@ class WorkSums:
 
 def accounts_of(system: ActuatorNumerics) -> EnergyAccounts:
     """Return the losses and stored energies of a system."""
-    kinds = tuple(term.kind for term in system.actuator.terms)
-    return accounts(kinds, 1 if system.drive.left_voltage is None else 2)
+    return accounts(system._kinds, system._electrodes)
 
 
 def accounted_problem(system: ActuatorNumerics, options: Options) -> Problem:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from mems_impact.actuator import equations as eq
 from mems_impact.actuator import results
 from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.automaton import BREAK_AWAY, direction_of
@@ -299,26 +300,27 @@ def _runaway(run: ActuatorRun, periods: int) -> int:
         return 0
     system = run.system
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
-    p = accounted_problem(system, Options()).parameters
+    p, normal = accounted_problem(system, Options()).parameters, float(system.normal_forces().max())
     for factor in (1.0, FASTER):
         y = final.y.copy()
         y[[X1, V1]] *= factor
         outside = model.on_frame(y, p) + model.on_block(y, p)
-        if direction * (outside - model.sliding_friction(direction, y[V1], p)) <= 0.0:
+        if direction * (outside - model.sliding_friction(direction, y[V1], normal, p)) <= 0.0:
             return 0
     return direction
 
 
 def _holding_loads(system: ActuatorSystem) -> tuple[float, float]:
-    """Return the loads that friction holds on a slipping frame, and on a frame at rest."""
+    """Return the least loads that friction holds on a slipping frame, and on a frame at rest."""
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     p = accounted_problem(system, Options()).parameters
     y = np.zeros(len(model.layout.states))
     outside = model.on_frame(y, p) + model.on_block(y, p)
     # If friction depends on the speed, it holds at most its minimum.
     speeds = SPEEDS if model.sticks else SPEEDS[-1:]
-    friction = [model.sliding_friction(1, speed, p) for speed in speeds.tolist()]
-    sliding, static = min(friction) + outside, model.static_limit(p) + outside
+    normal = float(system.normal_forces().min())
+    friction = [model.sliding_friction(1, speed, normal, p) for speed in speeds.tolist()]
+    sliding, static = min(friction) + outside, eq.mu_s(p) * normal + outside
     return float(system.units.scales.out(sliding, "N")), float(system.units.scales.out(static, "N"))
 
 

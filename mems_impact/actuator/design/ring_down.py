@@ -301,7 +301,7 @@ def after_contacts(
 def comes_to_rest(system: ActuatorSystem) -> bool:
     """Return whether friction can hold the frame."""
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
-    return model.sticks and bool(model.static_limit(system.numbers().parameters) > 0.0)
+    return model.sticks and bool(system.actuator.mu_s * system.normal_forces().max() > 0.0)
 
 
 def gentle(

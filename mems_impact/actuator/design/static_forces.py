@@ -10,6 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.units import DIMENSIONLESS
+from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law
 from mems_impact.actuator.equations import STATES, V1, V2, X2
 from mems_impact.actuator.model import compose
@@ -18,7 +20,7 @@ from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.charge_drive import ChargeDrive
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["StaticForces", "parameters_of"]
+__all__ = ["StaticForces", "clamp_force", "normal_force", "parameters_of"]
 
 FORCE_CURVE_POINTS = 513  # samples of the curve of force over position
 CONSTANT_RTOL = 1e-6  # of a force that counts as constant, as from a rounded table
@@ -216,6 +218,21 @@ class StaticForces:
                 names = ", ".join(term.name() for term in self._terms)
                 problem = f"no formula for the step with {names}: {reason}; simulate instead"
                 raise InvalidParameter("terms", self._given, "", problem=problem)
+
+
+def normal_force(numbers: Floats, terms: Sequence[Term]) -> float:
+    """Return the normal force on the ground without voltage of the drive, in the units given.
+
+    `numbers` are those of `Actuator.to_array`.
+    """
+    p = np.concatenate([numbers, *(term.numbers(DIMENSIONLESS) for term in terms)])
+    model = compose(tuple(term.kind for term in terms), 1)
+    return float(model.normal_force(0.0, 0.0, 0.0, p))
+
+
+def clamp_force(terms: Sequence[Term]) -> float:
+    """Return the force of clamps without voltage of the drive, in the units of the terms."""
+    return normal_force(np.zeros(eq.TERMS), terms)
 
 
 def parameters_of(actuator: ActuatorParameters, terms: Sequence[Term]) -> Floats:

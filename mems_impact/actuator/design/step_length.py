@@ -31,15 +31,16 @@ from mems_impact.tables import table
 __all__ = ["step_length", "step_lengths"]
 
 
-def coasting(model: Model, y: Floats, v: float, w: float, p: Floats) -> float:
+def coasting(model: Model, y: Floats, voltages: tuple[float, float, float], p: Floats) -> float:
     """Return the distance that the frame slides to the right from a state under constant forces.
 
-    The result is infinite if the forces overcome friction. `v` and `w` are the right and
-    left voltages.
+    The result is infinite if the forces overcome friction. The voltages are of the right and left
+    electrode and of a clamp.
     """
-    pull = model.pull(v, w, y, p) + model.force(y, p)
+    pull = model.pull(*voltages[:2], y, p) + model.force(y, p)
     push = eq.load(y[X2], y[V2], pull, p) + model.on_frame(y, p)
-    slowing = (model.sliding_friction(1, y[V1], p) - push) / p[eq.M1]
+    friction = model.sliding_friction(1, y[V1], model.normal_force(*voltages, p), p)
+    slowing = (friction - push) / p[eq.M1]
     return float(y[V1] ** 2 / (2.0 * slowing)) if slowing > 0.0 else math.inf
 
 
@@ -103,7 +104,7 @@ def _step_with_terms(actuator: ActuatorParameters, speed: ArrayLike, voltage: Ar
 
     def step(one: float, volts: float) -> float:
         y = device.after_impact(float(scales.into(one, "m/s")))
-        inner = coasting(device.model, y, float(scales.into(volts, "V")), 0.0, device.p)
+        inner = coasting(device.model, y, (float(scales.into(volts, "V")), 0.0, 0.0), device.p)
         return float(scales.out(inner, "m"))
 
     result = np.vectorize(step, otypes=[float])(speed, voltage)
@@ -164,9 +165,7 @@ def _steps_after(run: ActuatorRun, hits: Events) -> Floats:
     if any(term.replaced_rule == "stopper" for term in system.actuator.terms):
         StaticForces(system.actuator).after_impact(0.0)  # raises an error if there is none
     numbers = system.numbers()
-    left = system.drive.left_voltage is not None
-    model = compose(tuple(term.kind for term in system.actuator.terms), 2 if left else 1)
+    model = compose(system._kinds, system._electrodes)
     times = system.units.scales.out(hits.time, "s")
-    volts = [system.into_drive(system.source.value(times, left=side)) for side in (False, True)]
-    rows = zip(hits.after, *volts, strict=True)
-    return np.array([coasting(model, y, v, w, numbers.parameters) for y, v, w in rows])
+    rows = zip(hits.after, zip(*system.source_values(times), strict=True), strict=True)
+    return np.array([coasting(model, y, each, numbers.parameters) for y, each in rows])

@@ -6,19 +6,15 @@ import math
 from dataclasses import dataclass
 
 from mems_impact._util.quantities import quantity
-from mems_impact.actuator import equations as eq
-from mems_impact.actuator.design.energy import accounted_problem, energy
-from mems_impact.actuator.model import compose
-from mems_impact.actuator.numerics import ActuatorNumerics
+from mems_impact.actuator.design.data_sheet import MAX_FRICTION
+from mems_impact.actuator.design.energy import Energy, energy
+from mems_impact.actuator.design.static_forces import clamp_force
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.errors import InvalidParameter
-from mems_impact.integrators.options import Options
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.state import is_number
 
 __all__ = ["WearLife", "life"]
-
-MAX_FRICTION = 1.0  # static friction over weight, above which another force presses the frame
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -28,7 +24,7 @@ class WearLife(SummaryRepr):
     Attributes
     ----------
     normal_force : float
-        Normal force of the frame on the ground [N].
+        Normal force of the frame on the ground, of a driven clamp the mean over the slip path [N].
     slip_per_period, slip_per_blow : float
         Total slip path of the frame [m]; NaN per blow without blows.
     volume_per_blow : float
@@ -94,8 +90,9 @@ def life(
     depth : float
         Allowed wear depth [m], > 0.
     normal_force : float, optional
-        Normal force of the frame on the ground [N], > 0. By default the weight; required if static
-        friction exceeds the weight, as in a clamped device given by its friction forces.
+        Normal force of the frame on the ground [N], > 0. By default that of weight and clamps
+        (`Clamp`, `ClampElectrode`), for a driven clamp its mean over the slip path; required if
+        static friction exceeds the weight of a device without a clamp.
 
     Returns
     -------
@@ -142,7 +139,7 @@ def life(
         if not (is_number(value) and value > 0.0):
             raise InvalidParameter(field, value, "a finite number > 0")
     balance = energy(motion)
-    force = of_weight(balance.system) if normal_force is None else normal_force
+    force = normal_force_of(balance) if normal_force is None else normal_force
     slip = balance.slip_path / balance.periods
     if isinstance(motion, ActuatorOrbit):
         blows = len(balance.by_blow) / balance.periods
@@ -164,23 +161,26 @@ def life(
     )
 
 
-def of_weight(system: ActuatorNumerics) -> float:
-    """Return the normal force of the weight; InvalidParameter if friction requires a larger one."""
-    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
-    p = accounted_problem(system, Options()).parameters.copy()
-    p[eq.MU_S] = 1.0  # static friction is then the force itself
-    force, friction = (
-        float(system.units.scales.out(model.static_limit(p), "N")),
-        system.actuator.mu_s,
-    )
-    if friction > MAX_FRICTION:
-        unit = " N" if system.units.scales.named else ""
+def normal_force_of(balance: Energy) -> float:
+    """Return the normal force during slips; InvalidParameter if the device does not tell it."""
+    system, forces = balance.system, balance.system.normal_forces()
+    name, scales = "normal_force", balance.system.units.scales
+    force, friction = float(scales.out(forces[0], "N")), system.actuator.mu_s
+    if forces.min() < forces.max():  # a clamp that the drive moves: the mean over the slip path
+        laws = [term for term in system.actuator.terms if term.replaced_rule == "friction"]
+        if system.actuator.mu_d == 0.0 or laws:
+            problem = "the normal force varies, and friction does not tell its mean: give it"
+            raise InvalidParameter(name, None, "", problem=problem)
+        lost = balance.table.set_index(["kind", "account"])["energy"]["lost", "friction"]
+        return lost / (system.actuator.mu_d * balance.slip_path) if balance.slip_path else force
+    if friction > MAX_FRICTION and clamp_force(system.actuator.terms) == 0.0:
+        unit = " N" if scales.named else ""
         problem = (
             f"the static friction of {friction * force:.4g}{unit} is {friction:.4g} times the "
             "weight, from which no normal force follows: give the normal force on the ground as "
-            "normal_force="
+            "normal_force=, or the device a Clamp and its coefficients of friction"
         )
-        raise InvalidParameter("normal_force", None, "", problem=problem)
+        raise InvalidParameter(name, None, "", problem=problem)
     return force
 
 

@@ -6,7 +6,7 @@ from mems_impact._util.formatting import class_name
 
 _KINDS = (
     "sine", "square", "pulse", "trapezoid", "voltage-step", "pulse-and-hold", "sampled", "burst",
-    "two-sided", "custom",
+    "voltages", "custom",
 )  # fmt: skip
 WAVEFORMS = {kind: class_name(kind) for kind in _KINDS}
 """All waveforms: the kind, as used in files and on the command line, and the class.

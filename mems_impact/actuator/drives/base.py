@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from enum import Enum
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,11 +22,13 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import ProblemParameters
 from mems_impact.systems.state import is_number
 
-__all__ = ["Drive", "Waveform"]
+__all__ = ["CHANNELS", "Channel", "Drive", "Waveform"]
 
 GOLDEN_PHASE = 0.5 * (5.0**0.5 - 1.0)  # where no waveform of a few pieces is zero
 MIN_CHECKS, MAX_CHECKS = 16, 10_000  # of the sign of a voltage, between two switches
 
+Channel = Literal["right", "left", "clamp"]
+CHANNELS: tuple[Channel, ...] = ("right", "left", "clamp")
 Waveform = Callable[[float, NDArray[np.float64]], float]
 
 
@@ -61,6 +63,8 @@ class Drive(Checked, ABC):
         needs a shorter time.
     left_voltage, left_rate : callable or None
         Like `voltage` and `voltage_rate`, for the electrode on the left; None by default.
+    clamp_voltage : callable or None
+        Like `voltage`, for the electrode of a clamp (see `ClampElectrode`); None by default.
     units : mapping of str to str
         The SI unit of every field that is not dimensionless: "V" (a charge in C if the actuator has
         a `ChargeDrive`), "s", "rad/s" or "Hz" (see `mems_impact.actuator.units.KNOWN_UNITS`). The
@@ -117,9 +121,14 @@ class Drive(Checked, ABC):
         @property
         def left_rate(self) -> Waveform | None:
             """Time derivative of the voltage at the left electrode."""
+
+        @property
+        def clamp_voltage(self) -> Waveform | None:
+            """The voltage of a clamp, if the drive has one."""
     else:
         left_voltage: ClassVar = None
         left_rate: ClassVar = None
+        clamp_voltage: ClassVar = None
 
     @classmethod
     def _magnitude(cls, name: str, value: Any) -> float:
@@ -207,6 +216,11 @@ class Drive(Checked, ABC):
     def __repr_args__(self) -> Any:
         alternative = "omega" if getattr(self, "frequency", None) is not None else "frequency"
         return [(name, value) for name, value in dict(self).items() if name != alternative]
+
+    @property
+    def sides(self) -> tuple[Channel, ...]:
+        """The electrodes of the block that have a voltage: right, or right and left."""
+        return ("right",) if self.left_voltage is None else ("right", "left")
 
     @property
     def time_scale(self) -> float:
@@ -362,15 +376,15 @@ class Drive(Checked, ABC):
             drive = drive.scaled(scales.unit("V"), scales.unit("s"))
         return ProblemParameters(drive.parameters(), drive.period, drive.switches, drive.time_scale)
 
-    def value(self, t: ArrayLike, *, left: bool = False) -> NDArray[np.float64]:
+    def value(self, t: ArrayLike, *, channel: Channel = "right") -> NDArray[np.float64]:
         """Return the voltage at many times, for plots.
 
         Parameters
         ----------
         t : array_like
             Times.
-        left : bool, optional
-            The voltage at the left electrode instead, 0 if there is none.
+        channel : {"right", "left", "clamp"}, optional
+            The electrode, by default the right one; the voltage is 0 where there is none.
 
         Returns
         -------
@@ -379,7 +393,8 @@ class Drive(Checked, ABC):
         """
         q = self.parameters()
         times = np.asarray(t, dtype=np.float64)
-        waveform = self.left_voltage if left else self.voltage
+        waveforms = {"right": self.voltage, "left": self.left_voltage, "clamp": self.clamp_voltage}
+        waveform = waveforms[channel]
         if waveform is None:
             return np.zeros_like(times)
         voltages = [waveform(time, q) for time in times.ravel().tolist()]
@@ -403,7 +418,8 @@ def _signs(drive: Drive) -> Signs:
         count = max(MIN_CHECKS, round(MIN_CHECKS * (end - begin) / drive.time_scale))
         count = min(count, MAX_CHECKS)
         times += [begin + (end - begin) * (i + GOLDEN_PHASE) / count for i in range(count)]
-    waveforms = [each for each in (drive.voltage, drive.left_voltage) if each is not None]
+    channels = (drive.voltage, drive.left_voltage, drive.clamp_voltage)
+    waveforms = [each for each in channels if each is not None]
     rows = [[each(t + k * period, q) for k in range(3)] for each in waveforms for t in times]
     first, second, third = np.array(rows).T
     # One voltage equals the other, or its negative, to rounding.

@@ -141,3 +141,9 @@ class Burst(Drive):
         """Time derivative of the waveform at the left electrode."""
         waveform = self.wave.left_rate
         return None if waveform is None else retime(waveform)
+
+    @property
+    def clamp_voltage(self) -> Waveform | None:
+        """The waveform at the clamp, if the nested waveform has one."""
+        waveform = self.wave.clamp_voltage
+        return None if waveform is None else retime(waveform)

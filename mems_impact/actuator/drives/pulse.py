@@ -45,7 +45,7 @@ class Pulse(PiecewiseDrive):
 
     See Also
     --------
-    Square, Burst, TwoSided
+    Square, Burst, Voltages
 
     Examples
     --------

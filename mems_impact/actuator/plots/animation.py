@@ -115,7 +115,7 @@ def _voltages(run: ActuatorRun, samples: pd.DataFrame) -> dict[str, Any]:
         return {side: samples[name].to_numpy() for side, name in sides if name in samples}
     volts = {"right": run.drive.value(time)}
     if run.drive.left_voltage is not None:
-        volts["left"] = run.drive.value(time, left=True)
+        volts["left"] = run.drive.value(time, channel="left")
     return volts
 
 

@@ -88,9 +88,9 @@ def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, A
         borders = sorted({0.0, *(time for time in drive.switches if time < end), end})
         time = np.concatenate([np.linspace(a, np.nextafter(b, 0.0), CLOSING_POINTS // 10)
                                for a, b in pairwise(borders)])  # fmt: skip
-        for left in (False, True)[: 1 + (drive.left_voltage is not None)]:
-            values = drive.value(time % (2.0 * period), left=left)
-            volts.plot(time, values, color=color("voltage"), linestyle=LINES[int(left)])
+        for side, line in zip(drive.sides, LINES, strict=False):
+            values = drive.value(time % (2.0 * period), channel=side)
+            volts.plot(time, values, color=color("voltage"), linestyle=line)
         label_axis(volts.yaxis, Label("voltage", "V" if run.system.units.scales.named else ""))
     _draw_contacts(contact, result, end)
     block.set_xlim(0.0, end)

@@ -49,7 +49,7 @@ def forcing_period_of(drive: Drive, actuator: Actuator | None = None) -> list[Ex
             MIN_SAMPLES_BETWEEN_SWITCHES, round(SAMPLES_PER_WAVEFORM * (end - begin) / drive.period)
         )
         time = np.linspace(begin, np.nextafter(end, 0.0), count)
-        right, left = source.value(time), source.value(time, left=True)
+        right, left = (source.value(time, channel=side) for side in ("right", "left"))
         force = right**2 - left**2 if system is None else system.resting_pull(right, left)
         stretches.append(Excerpt(time, right, left, force))
     return stretches
@@ -103,15 +103,18 @@ def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -
     system = None if actuator is None else _unsigned(actuator, drive)
     limited = system is not None and system.source is not drive
     if limited:
-        for left_side in (False, True)[: 1 + two]:
-            values = _joined([drive.value(s.time, left=left_side) for s in stretches])
-            above.plot(time, values, color=color("guide"), linestyle=LINES[left_side],
-                       linewidth=thickness(0.8), label=None if left_side else "drive")  # fmt: skip
-    side = "right electrode" if two else "source"
-    above.plot(time, right, color=line_color, label=side)
+        for i, side in enumerate(drive.sides):
+            values = _joined([drive.value(s.time, channel=side) for s in stretches])
+            above.plot(time, values, color=color("guide"), linestyle=LINES[i],
+                       linewidth=thickness(0.8), label=None if i else "drive")  # fmt: skip
+    clamped = drive.clamp_voltage is not None
+    above.plot(time, right, color=line_color, label="right electrode" if two else "source")
     if two:
         above.plot(time, left, color=line_color, linestyle=LINES[1], label="left electrode")
-    if two or limited:
+    if clamped:
+        values = _joined([drive.value(s.time, channel="clamp") for s in stretches])
+        above.plot(time, values, color=line_color, linestyle=LINES[2], label="clamp")
+    if two or clamped or limited:
         legend_above(above)
     below.plot(time, force, color="black")
     guide = {"color": color("guide"), "linewidth": 0.5, "zorder": 0}

@@ -169,7 +169,8 @@ def draw_voltages(
     for name in nodes:
         look = {"linestyle": LINES[NODES.index(name)]}
         if run.system.drive_unit == "V":
-            drive = run.drive.value(np.remainder(samples["t"], 2.0 * period), left=name == NODES[1])
+            channel = run.drive.sides[NODES.index(name)]
+            drive = run.drive.value(np.remainder(samples["t"], 2.0 * period), channel=channel)
             ax.plot(time, drive, color=color("guide"), linewidth=thickness(0.8), **look,
                     label="drive" if name == nodes[0] else None)  # fmt: skip
         side = f"{'left' if name == NODES[1] else 'right'} electrode"

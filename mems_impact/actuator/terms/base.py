@@ -149,8 +149,13 @@ class TermContribution:
         ``on_frame(y, p)``, ``on_block(y, p)``: external forces, positive to the right.
     rates : tuple of callable
         ``rate(y, p)``, the time derivative of each of the term's states.
-    normal_force_factor : callable
-        ``normal_force_factor(p)``, a factor of the normal force between frame and ground.
+    weight_factor : callable
+        ``weight_factor(p)``, a factor of the weight in the normal force between frame and ground.
+    clamp : callable
+        ``clamp(p)``, a constant force that presses the frame on the ground, >= 0.
+    driven_clamp : callable
+        ``driven_clamp(v, w, u, p)``, the same for the voltages v of the right electrode, w of the
+        left one and u of the clamp.
     friction : callable
         ``friction(speed, p)``, the coefficient of friction of a slip, in place of mu_d. It is
         smooth a little below zero.
@@ -179,7 +184,9 @@ class TermContribution:
     on_frame: Function | None = None
     on_block: Function | None = None
     rates: tuple[Function, ...] = ()
-    normal_force_factor: Function | None = None
+    weight_factor: Function | None = None
+    clamp: Function | None = None
+    driven_clamp: Function | None = None
     friction: Function | None = None
     sticks: bool = True
     restitution: Function | None = None
@@ -391,6 +398,9 @@ class Term(Checked, ABC):
                 unit = f" {si_unit}" if si_unit and actuator.units == "SI" else ""
                 allowed = f"{bound.sign} {shown(float(bound.value(p)))}{unit}, {bound.meaning}"
                 raise InvalidParameter(bound.name, number, allowed)
+
+    def check_under(self, drive: Drive) -> None:
+        """Raise InvalidParameter if the term does not fit the drive."""
 
     def check_resolved(self, options: Options, scales: Scales, capacitance: float) -> None:
         """Raise InvalidParameter if the tolerances of a run do not resolve the term.

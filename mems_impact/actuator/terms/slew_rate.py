@@ -7,6 +7,7 @@ from mems_impact.actuator.drives.slewed import SlewedDrive
 from mems_impact.actuator.parameter_base import Positive
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import Term
+from mems_impact.errors import InvalidParameter
 
 __all__ = ["SlewRate"]
 
@@ -48,6 +49,12 @@ class SlewRate(Term):
     units = {"rate": "V/s"}  # noqa: RUF012 - ClassVar above
     plausible = {"rate": Range(1e-6, 1e5, 1e12)}  # noqa: RUF012 - ClassVar above
     in_series = True
+
+    def check_under(self, drive: Drive) -> None:
+        """Raise InvalidParameter if the drive has a clamp, which the rate does not limit."""
+        if drive.clamp_voltage is not None:
+            problem = "the rate of a clamp is not limited; omit this term, or give ramps as a drive"
+            raise InvalidParameter("slew_rate", None, "", problem=problem)
 
     def source(self, drive: Drive) -> Drive:
         """Return the output of the source for the voltage of a drive."""

@@ -70,7 +70,7 @@ class Tilt(Term):
             return weight * ((p[eq.M1] + p[eq.M2]) * y[X1] + p[eq.M2] * y[X2])
 
         return TermContribution(
-            on_frame=on_frame, on_block=on_block, normal_force_factor=normal, energy=energy
+            on_frame=on_frame, on_block=on_block, weight_factor=normal, energy=energy
         )
 
     def verilog_a(self) -> TermCode:
@@ -78,5 +78,5 @@ class Tilt(Term):
         return TermCode(
             on_frame="- m1*g*sin(tilt_angle)",
             on_block="- m2*g*sin(tilt_angle)",
-            normal_force_factor="cos(tilt_angle)",
+            weight_factor="cos(tilt_angle)",
         )

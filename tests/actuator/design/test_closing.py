@@ -108,7 +108,7 @@ def test_stoppers_and_restitution():
     duration = 1e-4
     none = mi.VoltageStep(amplitude=0.0, duration=duration)
     pull = mi.VoltageStep(amplitude=90.0, duration=duration)
-    drive = mi.TwoSided(right=none, left=pull)
+    drive = mi.Voltages(right=none, left=pull)
     left = mi.closing(SWITCH, drive, duration=duration, options=INTERPRETED)
     assert left.stopper == "left"
     assert left.closing_time == pytest.approx(2.7795033e-5, rel=1e-6)

@@ -20,7 +20,7 @@ LOADED = ZHAO.adding(
     mi.FrameSpring(k1=2.0),
     mi.CubicStiffness(k3=0.5),
 )
-BOTH = mi.TwoSided(
+BOTH = mi.Voltages(
     right=mi.Square(amplitude=0.3, omega=0.5, duty=0.3),
     left=mi.Square(amplitude=0.2, omega=0.5, duty=0.3, phase=math.pi),
 )

@@ -14,7 +14,7 @@ from mems_impact.actuator.model import compose
 ZHAO = mi.load_actuator("zhao2004")
 MITA = mi.load_actuator("mita2003")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
-BOTH = mi.TwoSided(right=DRIVE, left=mi.Sine(amplitude=0.1, omega=0.5, phase=1.0, bias=0.05))
+BOTH = mi.Voltages(right=DRIVE, left=mi.Sine(amplitude=0.1, omega=0.5, phase=1.0, bias=0.05))
 FINE = mi.Options(engine="interpreted", method="dop853", rtol=1e-11, atol=1e-13)
 X = np.linspace(-0.5, 0.5, 41)
 PLATE = mi.TabulatedCapacitance(positions=X, capacitances=2.0 / (1.0 - X))
@@ -339,7 +339,7 @@ def test_design_with_electrodes():
 
 def test_drawn_force_and_contact_voltage():
     comb = MITA.adding(COMB_SI.replace(sides="right"))
-    drive = mi.TwoSided(
+    drive = mi.Voltages(
         right=mi.Sine(amplitude=30.0, frequency=60.0), left=mi.Sine(amplitude=20.0, frequency=60.0)
     )
     force = mi.plot_drive(drive, comb)[1].lines[0].get_ydata()

@@ -191,7 +191,7 @@ def test_a_current_limit_that_tolerances_do_not_resolve_is_refused():
 def test_each_electrode_has_its_own():
     device = HELD.adding(mi.SeriesResistance(resistance=0.5))
     sides = {"right": (0.1, 1.0), "left": (0.2, -0.3)}
-    drive = mi.TwoSided(
+    drive = mi.Voltages(
         **{name: mi.Sine(amplitude=0.0, omega=1.0, bias=b) for name, (_, b) in sides.items()}
     )
     start = mi.State(charge=0.1, left_charge=0.2)
