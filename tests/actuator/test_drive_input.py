@@ -127,7 +127,7 @@ CHANGES = [
     (mi.Burst, {"off": None}, "off", "either"),
     (mi.Burst, {"pause": 3.0}, "off", "either"),
     (mi.Burst, {"off": None, "pause": -1.0}, "pause", "> 0"),
-    (mi.Voltages, {"left": None}, "left", "a drive"),
+    (mi.Voltages, {"left": 3.0}, "left", "a drive"),
     (mi.Voltages, {"left": DRIVES["voltages"]}, "left", "one side"),
     (mi.Voltages, {"left": SINE.replace(omega=0.51234)}, "forcing period", "whole numbers"),
     (mi.Custom, {"function": 3}, "function", "a plain Python function"),

@@ -37,7 +37,7 @@ __all__ = ["DataSheet", "actuator_from_design"]
 A = TypeVar("A", bound=ActuatorParameters)
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
-MAX_FRICTION = 1.0  # static friction over weight, above which another force presses the frame
+MAX_FRICTION = 5.0  # friction over weight, above which another force must press the frame
 CONSISTENT_RTOL = 1e-6  # relative difference of two values of a quantity that agree
 PULL_IN_RTOL = 1e-14  # relative error of an electrode constant found from a pull-in voltage
 PULL_IN_ITERATIONS = 50

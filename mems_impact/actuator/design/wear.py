@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 from mems_impact._util.quantities import quantity
-from mems_impact.actuator.design.data_sheet import MAX_FRICTION
 from mems_impact.actuator.design.energy import Energy, energy
 from mems_impact.actuator.design.static_forces import clamp_force
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
@@ -15,6 +14,8 @@ from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.state import is_number
 
 __all__ = ["WearLife", "life"]
+
+MAX_FRICTION = 1.0  # static friction over weight, above which another force presses the frame
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -119,7 +119,7 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
         code = resolve_code_path(values.pop("source", None), file, allow_code, CODE)
         values.update(_functions(code))
     for name, field in kind.model_fields.items():
-        if field.annotation is Drive and isinstance(values.get(name), dict):
+        if field.annotation in (Drive, Drive | None) and isinstance(values.get(name), dict):
             try:
                 values[name] = _drive(values[name], file, allow_code)
             except InvalidParameter as error:

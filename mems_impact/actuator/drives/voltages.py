@@ -78,7 +78,7 @@ class Voltages(Drive):
     def _check_waves(self) -> Self:
         for name, wave in self._waves.items():
             if wave.left_voltage is not None or wave.clamp_voltage is not None:
-                problem = "must be a drive of one voltage"
+                problem = "must be a drive for one side"
                 raise InvalidParameter(name, type(wave).__name__, "", problem=problem)
             if self._multiple((self.right, wave)) is None:
                 allowed = (
