@@ -221,7 +221,7 @@ def test_quantities_of_zero_determine_and_contradict_others():
     weightless = {"gravity": 0, "static_friction_force": "1 uN"}
     clamp = mi.Actuator.from_design(**without(**weightless)).term("clamp")
     assert clamp.force == pytest.approx(1e-6 / 0.35, rel=1e-12)
-    with pytest.raises(mi.InvalidParameter, match=r"contradicts .* gravity = 0 m/s\^2, clamp_force = 0 N"):
+    with pytest.raises(mi.InvalidParameter, match=r"gravity = 0 m.*clamp_force = 0 N"):
         mi.Actuator.from_design(**without(**weightless, clamp_force=0))
     with pytest.raises(mi.InvalidParameter, match=r"^damping_ratio = 0: contradicts quality = 30,"):
         mi.Actuator.from_design(**without(damping_ratio=0))
