@@ -175,8 +175,8 @@ class ActuatorSystem(ActuatorNumerics):
             return self._with_imported_voltage(inputs)._export_model(others, initial, options)
         from mems_impact.export.generated_source import automaton_with_source
 
-        kinds, voltage, left, summed, until = self._structure
-        definition = device_definition(kinds, voltage, left, summed=summed, until=until)
+        kinds, waveforms, summed, until = self._structure
+        definition = device_definition(kinds, waveforms, summed=summed, until=until)
         automaton, generated = automaton_with_source(definition, None)
         voltages = tuple(
             ExportedNumber(

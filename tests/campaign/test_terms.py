@@ -54,6 +54,7 @@ COMPUTED = {
     "tabulated_capacitance": ("capacitance 1",),
     "tabulated_spring": ("spring 1",),
     "tilted_plate": ("wedge",),
+    "clamp_electrode": ("plate",),
 }
 
 

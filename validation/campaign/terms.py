@@ -77,6 +77,8 @@ class Drawn:
             self.terms.get("fringing", {}).pop("length", None)
             table = self.terms.get("tabulated_restitution", {})
             table |= {name: each[:2] for name, each in table.items()}
+        if self.compiled or "charge_drive" in chosen:  # no voltage to follow, or one shape more
+            self.terms.get("clamp_electrode", {})["follows"] = "nothing"
         self.drive = drives.random_spec(rng, hold_voltage(self.device), 1.0)
         while self.compiled and self.drive.kind != "sine":
             self.drive = drives.random_spec(rng, hold_voltage(self.device), 1.0)

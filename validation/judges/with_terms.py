@@ -36,6 +36,7 @@ NAMES = (
     *("yielding", "yielding exponent", "stribeck", "viscous", "creeping", "charged"),
     *("right kind", "left kind", "comb rise", "comb overlap", "wedge"),
     *(f"{name} {power}" for name in ("capacitance", "spring") for power in range(4)),
+    *("clamp", "plate", "driven plate"),
 )
 PLACE = {name: place for place, name in enumerate(NAMES)}
 M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G = range(11)
@@ -45,7 +46,8 @@ STOPPER, EXPONENT, LOSSY, DEEP, FILMS, AMBIENT, FACE, VISCOSITY, PATH = range(22
 YIELDING, FALL, STRIBECK, VISCOUS, CREEPING, CHARGED = range(31, 37)
 RIGHT_KIND, LEFT_KIND, RISE, OVERLAP, WEDGE, CURVE, SPRING = 37, 38, 39, 40, 41, 42, 46
 PLATE, COMB, CURVED, WEDGED = range(4)  # kinds of electrodes
-RIGHT_SOURCE, LEFT_SOURCE, END = (50 + i * len(Source._fields) for i in range(3))
+CLAMP, PRESSED, DRIVEN = 50, 51, 52
+RIGHT_SOURCE, LEFT_SOURCE, END = (53 + i * len(Source._fields) for i in range(3))
 STEP = 3e-4  # of differences along the flow
 LAST = 1000  # terms of sums that have no end
 POINTS = 9  # of a table over the position
@@ -161,7 +163,8 @@ def _forces(p, shares, sizes, mode, t, y, slope):  # type: ignore[no-untyped-def
         on_frame += side * (push - p[STICKY])
     weight = p[G] * math.sin(p[ANGLE])
     frame = -p[M1] * weight - p[LOAD] - p[K1] * y[0]
-    normal = (p[M1] + p[M2]) * p[G] * math.cos(p[ANGLE])
+    normal = (p[M1] + p[M2]) * p[G] * math.cos(p[ANGLE]) + p[CLAMP]
+    normal += p[PRESSED] + p[DRIVEN] * right * right
     return on_frame, frame, -p[M2] * weight, normal
 
 
@@ -261,6 +264,10 @@ class Device:
                 self.shares, self.sizes = compartments(**values)
                 p[FACE] = values["length"] * values["width"]
                 p[FILMS] = 2.0 if values["sides"] == "both" else 1.0
+            if name == "clamp_electrode":
+                per_square = 0.5 * values["permittivity"] * values["area"] / values["gap"] ** 2
+                p[PRESSED] = per_square * values["voltage"] ** 2
+                p[DRIVEN] = per_square * (values["follows"] == "right")
             if name == "charge_drive":
                 p[CHARGED] = 1.0
             if name == "tabulated_restitution":
@@ -468,6 +475,17 @@ def random_tilted_plate(rng: Rng, p: Values) -> dict[str, Any]:
     return {"angle": angle, "length": length, "sides": random_sides(rng)}
 
 
+def random_clamp_electrode(rng: Rng, p: Values) -> dict[str, Any]:
+    follows = str(rng.choice(["nothing", "right"]))
+    return {
+        "area": decades(rng, 1.0, 2.5),
+        "gap": rng.uniform(0.3, 1.0),
+        "permittivity": rng.uniform(0.5, 2.0),
+        "voltage": rng.uniform(0.0, 0.5) if follows == "nothing" else 0.0,
+        "follows": follows,
+    }
+
+
 class JudgedTerm(NamedTuple):
     """A term and its equations.
 
@@ -550,6 +568,11 @@ TERMS = {
         },
         {"width": "creeping"},
     ),
+    "clamp": JudgedTerm(
+        lambda rng, p: {"force": (p["m1"] + p["m2"]) * p["g"] * rng.uniform(0.0, 2.0)},
+        {"force": "clamp"},
+    ),
+    "clamp_electrode": JudgedTerm(random_clamp_electrode, {}),
     "slew_rate": JudgedTerm(lambda rng, p: {"rate": decades(rng, -1.0, 1.0)}, None),
 }
 """All terms."""

@@ -96,6 +96,9 @@ class ImportedVoltages(ImportedVoltage):
 
 def imported(drive: Drive, inputs: Sequence[str], own_period: float) -> ImportedVoltage:
     """Return the voltages that replace a drive of a device with a period of its own."""
+    if drive.clamp_voltage is not None:
+        problem = "the drive has a voltage for a clamp, which cannot be an input; omit it"
+        raise InvalidParameter("inputs", tuple(inputs), "", problem=problem)
     left = drive.left_voltage is not None
     if not left and "left_voltage" in inputs:
         allowed = "voltage: this drive has no electrode on the left"
@@ -105,6 +108,6 @@ def imported(drive: Drive, inputs: Sequence[str], own_period: float) -> Imported
         raise InvalidParameter("inputs", tuple(inputs), allowed)
     return (ImportedVoltages if left else ImportedVoltage)(
         level=float(drive.value(0.0)),
-        left_level=float(drive.value(0.0, left=True)),
+        left_level=float(drive.value(0.0, channel="left")),
         period=min(own_period, drive.time_scale),
     )
