@@ -9,10 +9,10 @@ in which the force increases with the depth.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.drives.base import Drive
@@ -85,7 +85,8 @@ def side_of(mode: int) -> int:
 FROM_PARTS = (2, 3, 4, 0, 1)  # the guards in the order of `GUARDS`: friction is the first part
 
 
-class Waveforms(NamedTuple):
+@dataclass(frozen=True)
+class Waveforms:
     """The waveforms ``voltage(t, q)`` of a drive at the electrodes, and of a clamp."""
 
     right: Function
@@ -104,10 +105,9 @@ class Waveforms(NamedTuple):
 
     def lines(self, model: Model, names: str) -> tuple[str, ...]:
         """Return lines that assign the values at time t to three names, 0 without a waveform."""
-        waves = zip(names, ("right", "left", "clamp"), self, strict=True)
         return tuple(
             f"{name} = {f'{kind}(t, p[{model.layout.drive}:])' if wave else '0.0'}"
-            for name, kind, wave in waves
+            for name, (kind, wave) in zip(names, vars(self).items(), strict=True)
         )
 
 
@@ -123,7 +123,7 @@ def parts_of(model: Model, waveforms: Waveforms) -> list[Part]:
             "force(v, w, u, p)",
             *lines,
             force=model.normal_force,
-            **waveforms._asdict(),
+            **vars(waveforms),
         ),
         static=eq.mu_s,
         sticks=model.sticks,
@@ -190,7 +190,7 @@ def flow_of(
         **{name: getattr(model, name) for name in ("pull", "force", "on_frame", "on_block")},
         **rates,
         **losses,
-        **waveforms._asdict(),
+        **vars(waveforms),
         normal=model.normal_force,
         sliding=model.sliding_friction,
     )

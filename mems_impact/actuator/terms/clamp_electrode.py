@@ -15,7 +15,7 @@ from mems_impact.actuator.terms.base import (
     TermContribution,
     drive_unit,
 )
-from mems_impact.actuator.terms.comb_drive import PERMITTIVITY
+from mems_impact.actuator.terms.comb_drive import PERMITTIVITY, CombDrive
 from mems_impact.actuator.verilog_a_code import TermCode
 from mems_impact.errors import InvalidParameter
 
@@ -77,6 +77,7 @@ class ClampElectrode(Term):
         "area": Range(1e-14, 1e-8, 1e-3),
         "gap": LENGTH,
         "voltage": Range(0.0, 30.0, 1e4),
+        "permittivity": CombDrive.plausible["permittivity"],
     }
 
     def check_on(self, actuator: Device) -> None:
