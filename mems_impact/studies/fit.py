@@ -18,12 +18,13 @@ from mems_impact.studies.least_squares import (
     INTERVAL,
     MISFIT,
     NEGLIGIBLE,
+    SMALL,
     STEP,
     LeastSquares,
     Minimum,
 )
 from mems_impact.studies.records import Comparison, Conditions, Measurement, Record
-from mems_impact.systems.result import SummaryRepr
+from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, whole
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ REMEDIES: dict[Verdict, str] = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Fit(SummaryRepr):
+class Fit(Result):
     """A fitted system, with standard errors and diagnostics.
 
     Attributes
@@ -91,6 +92,10 @@ class Fit(SummaryRepr):
         Number of evaluations of the residuals.
     starts : DataFrame
         One row per start: the values it led to, chi-square, whether it converged.
+    units : dict of str to str
+        Units of the free quantities and of the recorded columns.
+    shared_parameters : dict of str to float
+        The fitted parameters of the system, without what belongs to records.
 
     See Also
     --------
@@ -121,30 +126,15 @@ class Fit(SummaryRepr):
     converged: bool
     evaluations: int
     starts: pd.DataFrame
-    _problem: LeastSquares = field(repr=False)
-    _solution: Minimum = field(repr=False)
+    units: dict[str, str] = field(repr=False)
+    shared_parameters: dict[str, float] = field(repr=False)
+    _problem: LeastSquares | None = field(default=None, compare=False)
+    _solution: Minimum | None = field(default=None, compare=False)
 
     @property
     def values(self) -> dict[str, float]:
         """The fitted values by name."""
         return dict(zip(self.covariance.index, self.parameters["fitted"], strict=True))
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Units of the free quantities and of the recorded columns."""
-        comparisons = self._problem.comparisons
-        columns = {
-            name: each.unit(name)
-            for each in comparisons
-            for name in ("t", *each.table["quantity"].unique())
-        }
-        return {**columns, **{each.label: each.unit for each in self._problem.unknowns}}
-
-    @property
-    def shared_parameters(self) -> dict[str, float]:
-        """The fitted parameters of the system, without what belongs to records."""
-        unknowns = zip(self._problem.unknowns, self.values.items(), strict=True)
-        return dict(pair for each, pair in unknowns if each.owner < 0 and each.is_parameter)
 
     @property
     def correlations(self) -> pd.DataFrame:
@@ -168,7 +158,15 @@ class Fit(SummaryRepr):
         -------
         DataFrame
             The values of the quantity, the other ones, and ``rise`` of the sum of squares.
+
+        Raises
+        ------
+        InvalidParameter
+            If there is no such quantity, or the fit is from a file, which does not hold its runs.
         """
+        if self._problem is None or self._solution is None:
+            problem = "from a file, which does not hold the runs for a profile: fit again"
+            raise InvalidParameter("fit", None, "", problem=problem)
         if name not in self.values:
             raise InvalidParameter("name", name, f"one of {', '.join(self.values)}")
         return self._problem.profile(self._solution, name)
@@ -366,13 +364,14 @@ def _result(problem: LeastSquares, system: Any, solutions: Sequence[Minimum]) ->
     is_misfit = problem.is_misfit(best)
     sentences = [
         *(text for _, text in remarks),
-        *(_missed(table, is_misfit)),
+        *(_missed(table, problem.missed_part(best)[0]) if is_misfit else ()),
         *_undetermined(labels, singular, directions, spread, values, problem.scales),
         *(
             f"{each.label} is at its {'lower' if side < 0 else 'upper'} bound"
             for each, side in zip(problem.unknowns, problem.at_bounds(values), strict=True)
             if side
         ),
+        *_at_border(table, best.beyond),
         *_at_limits(problem, values),
         *_indifferent(table, prediction.jacobian),
     ]
@@ -388,6 +387,11 @@ def _result(problem: LeastSquares, system: Any, solutions: Sequence[Minimum]) ->
         each.name: float(value)
         for each, value in zip(problem.unknowns, values, strict=True)
         if each.owner < 0 and each.is_parameter
+    }
+    units = {
+        name: each.unit(name)
+        for each in problem.comparisons
+        for name in ("t", *each.table["quantity"].unique())
     }
     return Fit(
         system=system.changed(**shared) if shared else system,
@@ -408,19 +412,25 @@ def _result(problem: LeastSquares, system: Any, solutions: Sequence[Minimum]) ->
         converged=best.converged,
         evaluations=sum(each.evaluations for each in solutions),
         starts=runs,
+        units=units | {each.label: each.unit for each in problem.unknowns},
+        shared_parameters=shared,
         _problem=problem,
         _solution=best,
     )
 
 
-def _missed(table: pd.DataFrame, is_misfit: bool) -> Iterator[str]:
-    """Yield a sentence about missed data."""
+def _missed(table: pd.DataFrame, part: float) -> Iterator[str]:
+    """Yield a sentence about missed data; `part` of their spread is missed on average."""
     off = table["in standard errors"].abs()
     missed = int((off > MISFIT).sum())
-    if not is_misfit:
+    if part > SMALL:
+        yield (
+            f"the fit misses the data by {part:.0%} of their spread; a record of a steady state "
+            "needs transient, or free initial states"
+        )
         return
     if not missed:
-        yield "the fit misses the data by as much as they vary"
+        yield f"the fit misses the data by {math.sqrt(off.pow(2).mean()):.3g} standard errors each"
         return
     row = table.loc[off.idxmax()]
     under, record = "", row["record"]
@@ -432,6 +442,22 @@ def _missed(table: pd.DataFrame, is_misfit: bool) -> Iterator[str]:
     yield (
         f"the fit misses {number} by more than {MISFIT:g} standard errors, {row['quantity']}"
         f"{under} by {off.max():.4g}"
+    )
+
+
+def _at_border(table: pd.DataFrame, beyond: Floats | float) -> Iterator[str]:
+    """Yield a sentence about the sequence of events, if it changes next to the fitted values."""
+    if np.isnan(beyond).all():
+        return
+    table = table.assign(beyond=beyond)
+    jump = (table["beyond"] - table["computed"]).abs() > table["standard error"]
+    jumps = " and ".join(
+        f"{row['quantity']} jumps from {row['computed']:.4g} to {row['beyond']:.4g}"
+        for _, row in table[jump & table["t"].isna()].iterrows()
+    )
+    yield (
+        f"the sequence of events changes next to the fitted values{jumps and f', where {jumps}'}; "
+        "standard errors neglect it"
     )
 
 
@@ -474,7 +500,9 @@ def _undetermined(
             continue
         # Of relative changes, which are those of products of powers.
         parts = direction * scales / np.where(values != 0.0, values, scales)
-        components = sorted(zip(parts.tolist(), names, strict=True), key=lambda each: -abs(each[0]))
+        sizes_of_parts = np.round(np.abs(parts) / np.abs(parts).max(), 6)
+        order = np.argsort(-sizes_of_parts, kind="stable")
+        components = [(float(parts[j]), names[j]) for j in order]
         largest = components[0][0]
         telling = [(w / largest, name) for w, name in components if abs(w / largest) > TELLING]
         if len(telling) == 1:

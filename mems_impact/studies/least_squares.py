@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,6 +17,7 @@ from mems_impact._util.warning_scopes import collected_warnings
 from mems_impact.analysis.run_derivatives import INITIAL
 from mems_impact.errors import InvalidParameter, MemsImpactError
 from mems_impact.studies.records import DELAY, OFFSET, Comparison, Prediction
+from mems_impact.studies.sequence_border import nearest_within
 from mems_impact.systems.state import is_number
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ __all__ = [
     "INTERVAL",
     "MISFIT",
     "NEGLIGIBLE",
+    "SMALL",
     "STEP",
     "LeastSquares",
     "Minimum",
@@ -32,6 +35,8 @@ __all__ = [
 ]
 
 MISFIT = 3.0  # standard deviations of a normal variable that are as improbable as a misfit
+SMALL, LARGE = 0.1, 0.5  # of residuals, by the spread of the data
+ALIKE = 4.0  # standard deviations of the number of neighbouring residuals of one sign
 NEGLIGIBLE = 1e-7  # relative singular value below which a combination is not identifiable
 INTERVAL = 0.95  # probability of intervals
 LEAST_NOISE = 1e-12  # estimated standard error relative to the spread of the data
@@ -48,6 +53,9 @@ STEP = 1e-4  # of differences where derivatives do not exist, in typical sizes
 START_SCATTER = 0.5  # of further starts without bounds, in typical sizes
 PROFILE_POINTS = 12  # on each side of the estimate
 PROFILE_STEP = 0.5  # standard errors
+DESCENT = 1e-2  # of chi-square, expected beyond the end of a search that has stopped at a border
+BORDER_ROUNDS = 12  # of steps along a border
+BEYOND = 3e-2  # standard errors beyond a border
 
 
 class Unknown(NamedTuple):
@@ -106,6 +114,8 @@ class Minimum(NamedTuple):
     evaluations : int
     gap : float
         Distance that left an event unmatched, in spacings.
+    beyond : float array, shape (m,)
+        The data beyond a border of the sequence of events at which the search ended; nan for none.
     """
 
     values: Floats
@@ -116,6 +126,7 @@ class Minimum(NamedTuple):
     converged: bool
     evaluations: int
     gap: float
+    beyond: Floats | float = math.nan
 
 
 class LeastSquares:
@@ -236,18 +247,89 @@ class LeastSquares:
     def solutions(self, starts: int, generator: np.random.Generator) -> list[Minimum]:
         """Return the minima found from several starts, the best one first."""
         self.predict(self.first)  # raises what is wrong at the start
-        found = [self._search(self.first)]
+        found = [self._beside(self._search(self.first))]
         if self.is_misfit(found[0]):
             found += self._tried(self.first, grows=False)
         for _ in range(starts - 1):
             found += self._tried(self._drawn(generator))
-        return sorted(found, key=lambda each: self._criterion(each))
+        return sorted(found, key=self._criterion)
 
     def _tried(self, first: Floats, grows: bool = True) -> list[Minimum]:
         try:
-            return [self._search(first, grows)]
+            return [self._beside(self._search(first, grows))]
         except MemsImpactError:  # no system, or no run, at such a start
             return []
+
+    def _beside(self, found: Minimum) -> Minimum:
+        """Return the minimum beside a border at which a search has stopped.
+
+        Beyond it the system has another sequence of events, so that residuals are not smooth, and
+        steps of least squares that do not lie along it become ever shorter.
+        """
+        sequence, beyond = self._sequence(found.values), None
+        for _ in range(BORDER_ROUNDS):
+            by_error, wanted = self._descent(found)
+            if not wanted @ wanted > DESCENT:
+                break
+
+            def at(z: Floats, found: Minimum = found, by_error: Floats = by_error) -> Floats:
+                return np.clip(found.values + by_error @ z, self.low, self.high)
+
+            def inside(z: Floats, at: Callable[[Floats], Floats] = at) -> bool:
+                return self._sequence(at(z)) == sequence
+
+            place = nearest_within(inside, wanted)
+            if place is None:
+                break
+            nearest, outer = place
+            beyond = at(nearest + BEYOND * outer)
+            better = self._at(at(nearest), found)
+            if not self._criterion(better) < self._criterion(found) - DESCENT:
+                break
+            found = better
+        if beyond is not None:
+            with suppress(MemsImpactError):
+                there = self._at(beyond, found).prediction.values
+                other = self._settled(beyond, found.errors, found.gap)
+                sides = (found, there), (other, found.prediction.values)
+                found, there = min(sides, key=lambda side: self._improbability(side[0]))
+                found = found._replace(beyond=there)
+        return found
+
+    def _improbability(self, solution: Minimum) -> float:
+        """Return minus twice the logarithm of the probability of all values about a minimum."""
+        singular = self.inverse(solution)[0][0]
+        least = NEGLIGIBLE * max(singular[0], 1e-300)
+        return self._criterion(solution) + 2.0 * float(np.log(np.maximum(singular, least)).sum())
+
+    def _sequence(self, values: Floats) -> Any:
+        """Return what changes discretely with the values; None without a run."""
+        try:
+            return [c.sequence(self.mine(i, values)) for i, c in enumerate(self.comparisons)]
+        except MemsImpactError:
+            return None
+
+    def _descent(self, found: Minimum) -> tuple[Floats, Floats]:
+        """Return combinations of quantities with unit error, and the step of Gauss and Newton."""
+        known = np.isfinite(found.prediction.values)
+        free = np.flatnonzero(self.at_bounds(found.values) == 0)
+        means, sizes = np.array([each.prior for each in self.unknowns])[free].T
+        errors, scales = found.errors[known], self.scales[free]
+        rows = found.prediction.jacobian[known][:, free] / errors[:, None] * scales
+        rows = np.concatenate([rows, np.diag(scales / sizes)])
+        residuals = (found.prediction.values - self.measured)[known] / errors
+        residuals = np.append(residuals, (found.values[free] - means) / sizes)
+        left, singular, directions = np.linalg.svd(rows, full_matrices=False)
+        kept = singular > NEGLIGIBLE * singular.max(initial=0.0)
+        combinations = np.zeros((found.values.size, int(kept.sum())))
+        combinations[free] = scales[:, None] * (directions[kept] / singular[kept, None]).T
+        return combinations, -left[:, kept].T @ residuals
+
+    def _at(self, values: Floats, near: Minimum) -> Minimum:
+        """Return the place with some values, as a minimum."""
+        prediction, parts = self.predict(values, gap=near.gap)
+        found = near._replace(values=values, prediction=prediction, parts=parts)
+        return self._weighted(found, self._estimated(found))
 
     def _drawn(self, generator: np.random.Generator) -> Floats:
         """Return another start, within the bounds."""
@@ -428,7 +510,11 @@ class LeastSquares:
         )  # fmt: skip
 
     def is_misfit(self, solution: Minimum) -> bool:
-        """Return whether the residuals are as improbable as `MISFIT` standard deviations."""
+        """Return whether the residuals are as improbable as `MISFIT` standard deviations.
+
+        Those without given errors are a misfit if they are as large as the data vary, or smaller
+        ones whose sign changes rarely from a datum to the next, unlike that of noise.
+        """
         from scipy.stats import chi2, norm
 
         known = np.isfinite(solution.prediction.values)
@@ -436,12 +522,23 @@ class LeastSquares:
         residuals = ((solution.prediction.values - self.measured) / solution.errors)[data]
         spare = max(1, data.sum() - round(len(self.unknowns) * data.sum() / max(1, known.sum())))
         improbable = chi2.sf(float(residuals @ residuals), spare) < 2.0 * norm.sf(MISFIT)
-        far = np.zeros(0)
-        if self.groups:  # without given errors, data that are missed by their own spread
-            rows = np.concatenate([*self.groups.values()])
-            far = (solution.prediction.values - self.measured)[rows] / self.spreads[rows]
-        lost = bool(far.size) and not float(np.sqrt(np.nanmean(far**2))) < 0.5
-        return bool(improbable) or lost
+        part, alike = self.missed_part(solution)
+        return bool(improbable) or part > LARGE or (part > SMALL and alike > ALIKE)
+
+    def missed_part(self, solution: Minimum) -> tuple[float, float]:
+        """Return the size of residuals by that of the data, and how alike in sign neighbours are.
+
+        The latter in standard deviations of a random order. Of data without given errors; (0, 0)
+        without such data.
+        """
+        rows = np.concatenate([*self.groups.values(), np.zeros(0, dtype=int)])
+        far = (solution.prediction.values - self.measured)[rows] / self.spreads[rows]
+        far = far[np.isfinite(far)]
+        square = float(far @ far)
+        if not square > 0.0:
+            return (math.inf if rows.size > far.size else 0.0), 0.0
+        alike = float(np.sign(far[1:] * far[:-1]).sum()) / math.sqrt(far.size)
+        return math.sqrt(square / far.size), alike
 
     def profile(self, solution: Minimum, name: str) -> pd.DataFrame:
         """Return the profile likelihood of a free quantity."""

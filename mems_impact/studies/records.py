@@ -139,6 +139,10 @@ class Comparison(ABC):
         An event without a partner counts as one that is `gap` spacings away.
         """
 
+    def sequence(self, values: Mapping[str, float]) -> Any:
+        """Return what changes discretely with the values."""
+        return None
+
     def limits(self, name: str) -> Limits:
         """Return the range of a free quantity."""
         return UNLIMITED
@@ -522,6 +526,14 @@ class RecordComparison(Comparison):
         return simulate(
             system, duration=length, initial=initial, start=start, options=self._options
         )
+
+    def sequence(self, values: Mapping[str, float]) -> Any:
+        """Return the events of the run, and between which of them the samples lie."""
+        events, samples = self.run(values).events, self._times.get("samples", np.zeros(0))
+        instants = events[TIME].to_numpy() + values.get(DELAY, 0.0)
+        sides = np.searchsorted(instants, samples, side="right")
+        count = len(events) if self._kinds else int(sides.max(initial=0))
+        return [*events[EVENT].astype(str)[:count], *sides.tolist()]
 
     def predict(self, values: Mapping[str, float], part: float, gap: float) -> Prediction:
         """Return the data that the system gives, up to a part of the record."""

@@ -44,6 +44,34 @@ def test_fit_is_that_of_python(cli, tmp_path):
     assert len(list((tmp_path / "out").iterdir())) == 2
 
 
+BALL = """
+import mems_impact as mi
+
+ball = mi.System(
+    states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -p.g), initial={"x": 1.0},
+    parameters={"g": 9.81, "e": 0.7},
+    parts=[mi.Stopper("floor", "x", "v", lower=0.0, restitution="e")],
+)
+"""
+
+
+def test_a_system_and_a_record(cli, tmp_path):
+    (tmp_path / "own.py").write_text(BALL)
+    falls = [math.sqrt(2.0 / 9.81) * (1.0 + 2.0 * sum(0.8**j for j in range(1, k))) for k in (1, 2)]
+    pd.DataFrame({"t": falls}).assign(event="floor").to_csv(tmp_path / "heard.csv", index=False)
+    done = cli(
+        "fit", "own.py:ball", "--record", "heard.csv", "--error", "t=1e-3", "--free", "e",
+        "--engine", "interpreted",
+    )  # fmt: skip
+    assert done.status == 0
+    assert done.out.startswith("good: the data determine all free parameters\n")
+    assert "out/fit.png" in done.out.splitlines()[-1]
+    written = pd.read_csv(tmp_path / "out" / "fit-parameters.csv")
+    assert written["fitted"][0] == pytest.approx(0.8, abs=1e-8)
+    assert f"own.py:ball --set e={float(written['fitted'][0])!r}" in done.out
+    assert "free" in cli("fit", "own.py:ball", "--record", "heard.csv").complaint()
+
+
 def test_a_misfit_is_a_failure(cli, tmp_path):
     done = cli("fit", "mita2003", "--free", "e", "--target", "displacement per blow=1e-9", *VOLTAGE)
     assert done.status == 1

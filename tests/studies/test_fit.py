@@ -125,7 +125,7 @@ def test_impacts_are_matched_that_the_record_lacks_or_the_ball_has_not(e):
 
 
 @pytest.mark.slow
-def test_records_with_clocks_of_their_own():
+def test_records_with_clocks_of_their_own_and_the_file_of_a_fit(tmp_path):
     times = impacts(6)
     records = [
         mi.Record(
@@ -137,6 +137,13 @@ def test_records_with_clocks_of_their_own():
     exact = {"e": 0.8, "delay left": 0.02, "delay right": -0.03}
     assert found.values == pytest.approx(exact, abs=1e-7)
     assert found.system.parameters["e"] == found.values["e"]
+    found.save(tmp_path / "found.zip")
+    again = mi.load(tmp_path / "found.zip", system=bouncing())
+    assert again == found
+    assert str(again) == str(found)
+    assert len(found.profile("e")) > 4
+    with pytest.raises(mi.InvalidParameter, match="fit: from a file"):
+        again.profile("e")
 
 
 @pytest.mark.slow
@@ -150,6 +157,73 @@ def test_what_the_data_cannot_separate_is_named():
     assert np.isinf(errors[1:]).all()
     with pytest.raises(mi.InvalidParameter, match="'idle': must be one that the equations read"):
         mi.fit(bouncing(e=0.79, idle=1.0), record, ["e", "idle"], options=INTERPRETED)
+
+
+@pytest.mark.slow
+def test_a_sample_beside_an_impact_bounds_the_estimates():
+    """Beside constrained least squares of the closed form: no impact before 0.4515."""
+    t, noise = np.array([0.1, 0.2, 0.3, 0.4, 0.4515, 0.5, 0.6]), [0.04, -0.02, 0.02, 0.06, 0.04]
+
+    def motion(p, before=slice(5)):
+        x0, g, e = p
+        instant = math.sqrt(2.0 * x0 / g)
+        x = e * g * instant * (t - instant) - 0.5 * g * (t - instant) ** 2
+        v = (1.0 + e) * g * instant - g * t
+        x[before], v[before] = x0 - 0.5 * g * t[before] ** 2, -g * t[before]
+        return x, v
+
+    x, v = motion((1.0, 9.81, 0.8))
+    v[:5] -= noise
+    errors = {"x": 2e-3, "v": 0.02}
+    record = mi.Record(samples=pd.DataFrame({"t": t, "x": x, "v": v}), errors=errors)
+
+    def chi_square(p):
+        one, other = motion(p)
+        return np.sum(((one - x) / 2e-3) ** 2 + ((other - v) / 0.02) ** 2)
+
+    bound = {"type": "ineq", "fun": lambda p: 2.0 * p[0] - p[1] * t[4] ** 2}
+    exact = optimize.minimize(chi_square, (1.0, 9.81, 0.8), constraints=bound, method="SLSQP")
+    free = optimize.minimize(chi_square, (1.0, 9.81, 0.8), method="SLSQP")
+    found = mi.fit(bouncing(e=0.75), record, ["x0.x", "g", "e"], options=INTERPRETED)
+    assert exact.fun > free.fun + 1.0
+    assert found.chi_square == pytest.approx(exact.fun, abs=0.03)
+    far = (found.parameters["fitted"] - exact.x) / found.parameters["standard error"]
+    assert np.abs(far).max() < 0.03
+    assert "the sequence of events changes next to the fitted values" in found.note
+
+
+def test_further_starts_find_another_minimum():
+    """The slope a^3 - a is 2 at a = 1.5214, and largest for a < 0 at a = -1/sqrt(3)."""
+    t = np.linspace(0.1, 1.0, 5)
+    system = mi.System(
+        states=("x",), flow=lambda mode, t, y, p: (p.a**3 - p.a,), parameters={"a": -1.0}
+    )
+    line = pd.DataFrame({"t": t, "x": 2.0 * t})
+    given = {"bounds": {"a": (-2.0, 2.0)}, "options": INTERPRETED}
+    with pytest.warns(mi.FitWarning, match="misfit"):
+        one = mi.fit(system, line, ["a"], **given)
+    assert one.values["a"] == pytest.approx(-math.sqrt(1.0 / 3.0), abs=1e-5)
+    found = mi.fit(system, line, ["a"], starts=4, **given)
+    assert found.values["a"] == pytest.approx(1.52137970680457, abs=1e-7)
+    assert found.starts["a"].min() < 0.0 < found.starts["a"].iloc[0]
+
+
+@pytest.mark.slow
+def test_a_record_of_a_steady_state():
+    """The motion before it is computed, or its state is free; otherwise the fit is a misfit."""
+    period = device().forcing_period
+    t = np.linspace(60.1, 63.9, 100) * period
+    times = t.tolist()
+    v = mi.simulate(device(), 64).derivatives(["k"]).samples(times)["v"]
+    trace = pd.DataFrame({"t": t - 60.0 * period, "v": v + 0.02 * np.cos(80.0 * t)})
+    start = device().changed(c=0.022, A=0.49)
+    settled = mi.fit(start, mi.Record(samples=trace, transient=60), ["c", "A", "e"])
+    free = mi.fit(start, trace, ["c", "A", "e", "x0.x", "x0.v"])
+    for found in (settled, free):
+        assert found.verdict == "good"
+        assert found.values["e"] == pytest.approx(0.7, abs=0.01)
+    with pytest.warns(mi.FitWarning, match="a record of a steady state needs transient"):
+        mi.fit(start, trace, ["c", "A", "e"])
 
 
 TIMES = pd.DataFrame({"t": [0.1, 0.2, 0.3], "x": [0.9, 0.8, 0.5]})

@@ -9,10 +9,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.bisection import discontinuity
 from mems_impact._util.limits import UNLIMITED, Limits
 from mems_impact._util.quantities import has_unit, percentage, quantity
 from mems_impact.actuator.actuator import Actuator
@@ -22,7 +20,7 @@ from mems_impact.actuator.parameter_base import limits_of
 from mems_impact.actuator.parameters import PARAMETER_NAMES, numbers_for
 from mems_impact.actuator.plausibility import check_plausible_target
 from mems_impact.actuator.terms.base import drive_unit
-from mems_impact.errors import InvalidParameter, MemsImpactError
+from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.overloads import simulate
 from mems_impact.studies.records import Comparison, Conditions, Measurement, Prediction
@@ -175,8 +173,6 @@ class Target(Measurement):
 # --- Computation for a fit
 
 DERIVATIVE_STEP = 1e-6  # relative to a parameter, of quantities of the device alone
-JUMP_STEP = 1e-4  # relative to a parameter, within which a quantity may jump
-JUMP = 0.1  # least relative change of a quantity beside its derivative at a jump
 SETTLED = 0.1  # standard errors by which a quantity may still change
 MAY_CHANGE = 1.0  # the same, beyond which the motion is unsettled
 SHORTEST, LONGEST = 2, 2048  # forcing periods before a measurement
@@ -274,6 +270,16 @@ class TargetComparison(Comparison):
     def _computed(self, actuator: Actuator, runs: Mapping[Drive, Run]) -> Floats:
         return np.array([target.computed(actuator, runs) for target in self._targets])
 
+    def sequence(self, values: Mapping[str, float]) -> Any:
+        """Return the numbers of impacts, or of blows for quantities that do not count impacts."""
+        runs = self.runs(self._actuator.changed(**values))
+        counted = {(t.drive, "impact" if "impact" in t.quantity else "blow") for t in self._targets}
+        return {
+            (drive, kind): OF_RUN[f"{kind}s per period"][0](runs[drive])
+            for drive, kind in counted
+            if drive is not None
+        }
+
     def predict(self, values: Mapping[str, float], part: float, gap: float) -> Prediction:
         """Return the quantities of the device with these values, and their derivatives."""
         actuator, names = self._actuator.changed(**values), list(values)
@@ -298,50 +304,16 @@ class TargetComparison(Comparison):
         return Prediction(computed, jacobian)
 
     def remarks(self, values: Mapping[str, float], prediction: Prediction) -> list[tuple[str, str]]:
-        """Return sentences about quantities that have not settled, or jump."""
-        runs, names = self.runs(self._actuator.changed(**values)), np.array([*values])
-        jumps = np.array([self._jumps(values, prediction, j) for j in range(len(values))]).T
-        found = []
-        for i, (target, now) in enumerate(zip(self._targets, prediction.values, strict=True)):
+        """Return sentences about quantities that have not settled."""
+        runs, found = self.runs(self._actuator.changed(**values)), []
+        for target, now in zip(self._targets, prediction.values, strict=True):
             if target.drive is not None:
                 change = runs[target.drive].settling.remaining(target.quantity)
                 if change > MAY_CHANGE * target.weight:
                     value = f"{target.quantity} = {now:.6g}"
                     text = f"the motion has not settled: {value} may change by {change:.3g}"
                     found.append(("unsettled", text))
-            if jumps.any() and jumps[i].any():
-                text = f"{target.quantity} jumps at the fitted {', '.join(names[jumps[i]])}"
-                found.append(("", f"{text}, as where impacts begin; standard errors neglect it"))
         return found
-
-    def _jumps(
-        self, values: Mapping[str, float], prediction: Prediction, j: int
-    ) -> NDArray[np.bool_]:
-        """Return which quantities jump next to a value of a parameter."""
-        now, name = prediction.values, list(values)[j]
-        for sign in (1.0, -1.0):
-            step = sign * JUMP_STEP * (abs(values[name]) or 1.0)
-
-            def at(part: float, step: float = step) -> Floats:
-                moved = {**values, name: values[name] + part * step}
-                actuator = self._actuator.changed(**moved)
-                return self._computed(actuator, self.runs(actuator))
-
-            try:
-                aside = at(1.0)
-            except MemsImpactError:
-                continue
-            change = np.abs(aside - now)
-            beside = np.abs(aside - now - step * prediction.jacobian[:, j])
-            jumps = beside > JUMP * np.maximum(np.abs(aside), np.abs(now))
-            for i in np.flatnonzero(jumps).tolist():  # a steep slope is no jump
-
-                def one(part: float, i: int = i, size: float = change[i]) -> Floats:
-                    return np.asarray(at(part)[[i]] / size)
-
-                jumps[i] = discontinuity(one, 0.0, 1.0) is not None
-            return jumps
-        return np.zeros(now.size, dtype=bool)
 
 
 def _moved(target: Target, actuator: Actuator, name: str, change: float) -> Floats:

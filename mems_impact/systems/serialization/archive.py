@@ -80,8 +80,7 @@ def register_storables() -> None:
 
 def _stored_attributes(value: Any) -> dict[str, Any]:
     """Return the attributes that cannot be computed without the system's functions."""
-    system = getattr(value, "system", None)
-    if system is None or system.is_data_only:
+    if not value._stored or value.system.is_data_only:
         return {}
     attributes = {}
     for name in value._stored:
