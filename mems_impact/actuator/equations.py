@@ -22,13 +22,7 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, TERMS = range(12)
 #                     The left one is its mirror image: attraction(-x2, ...), to the left
 # load                k x2 + c v2 - pull, the force of the block on the frame, Equation (3); `pull`
 #                     is the force of the electrodes, positive to the right
-# static_limit        mu_s N, Equation (4)
 # sliding_friction    mu_d N sign(v1), Equation (3)
-# frame_acceleration  Equations (1) and (3), free block
-# block_acceleration  of the block relative to the frame, Equation (2), free block
-# resting_acceleration  of frame and block together, the block on a stopper
-# contact_force       between stopper and resting block, positive when it presses: Equations
-#                     (1) and (2) with x2 held
 # The impact law, Equations (5) and (6), is in `impact_law`.
 #
 # Functions that terms may replace (see `actuator.terms.base`):
@@ -55,32 +49,8 @@ def load(x2: float, v2: float, pull: float, p: Any) -> float:
     return p[K] * x2 + p[C] * v2 - pull
 
 
-def static_limit(p: Any) -> float:
-    return p[MU_S] * (p[M1] + p[M2]) * p[G]
-
-
 def sliding_friction(direction: int, p: Any) -> float:
     return direction * p[MU_D] * (p[M1] + p[M2]) * p[G]
-
-
-def frame_acceleration(direction: int, load_on_frame: float, p: Any) -> float:
-    if direction == 0:
-        return 0.0
-    # Reciprocals here and below need not wait for the load, as quotients would.
-    return (load_on_frame - sliding_friction(direction, p)) * (1.0 / p[M1])
-
-
-def block_acceleration(direction: int, load_on_frame: float, p: Any) -> float:
-    return -load_on_frame * (1.0 / p[M2]) - frame_acceleration(direction, load_on_frame, p)
-
-
-def resting_acceleration(direction: int, p: Any) -> float:
-    return -sliding_friction(direction, p) / (p[M1] + p[M2])
-
-
-def contact_force(side: int, direction: int, pull: float, p: Any) -> float:
-    x2 = side * p[DELTA]
-    return side * (pull - p[K] * x2 - p[M2] * resting_acceleration(direction, p))
 
 
 def capacitance(x: float, p: Any) -> float:
