@@ -346,6 +346,11 @@ HANDLERS: dict[Any, Any] = {
     **dict.fromkeys((stepper.row, stepper.grouped), ROW),
     **dict.fromkeys((stepper.component, stepper.group), COMPONENT),
     stepper.groups: _code("{0}->n", INTEGER),
+    stepper.group_size: _code("INT64_C(1)", INTEGER),
+    stepper.sum_of: _code("({0})", REAL),
+    # There are no columns.
+    stepper.column_error: _code("0.0", REAL),
+    stepper.scale_columns: _code("(void)0"),
     stepper.records_approaches: _code("(GUARD_IMPACTS[{1}] != 0.0)", BOOLEAN),
     stepper.set_fired: _code("({0}->fired[{1}] = {2})", INTEGER),
     interface.step: _function(stepper.step),

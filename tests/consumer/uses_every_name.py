@@ -35,6 +35,19 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.TabulatedRestitution(speeds=(0.0, 1.0), values=(0.8, 0.7)),
         mi.Tilt(angle=0.05),
     )
+    process: dict[str, Any] = {"thickness": 25e-6, "youngs_modulus": 169e9, "density": 2330.0}
+    beams: tuple[Any, ...] = (
+        mi.FoldedBeams(count=4, length=3e-4, width=3e-6),
+        mi.CrabLegs(count=4, length=3e-4, width=3e-6, shin_length=1e-4, shin_width=3e-6),
+        mi.ClampedBeams(count=4, length=3e-4, width=3e-6),
+        mi.CombFingers(count=9, length=4e-5, width=3e-6, gap=2e-6, overlap=2e-5, tip_gap=2e-5),
+    )
+    fingers = mi.GapClosingFingers(count=9, length=4e-5, width=3e-6, gap=2e-6, overlap=2e-5)
+    drawing = mi.Geometry(
+        **process, springs=beams[0], block=mi.Plate(length=1e-3, width=1e-3), fingers=fingers,
+        travel=1e-6,
+    )  # fmt: skip
+    assert_type(drawing.thickness, float)
     actuator = mi.load_actuator("mita2003").adding(*terms[-2:])
     assert_type(actuator.k, float)
     sine = mi.Sine(amplitude=100.0, omega=6.0)
