@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from mems_impact._util.files import file_path, opened
 from mems_impact._util.formatting import shown
 from mems_impact._util.quantities import QuantityError, base_powers, magnitude
+from mems_impact._util.text_tables import decoded, with_points
 from mems_impact.errors import InvalidFile, InvalidParameter
 
 __all__ = [
@@ -164,11 +165,16 @@ def _deeper_than(depth: int, content: Any) -> bool:
 
 
 def read_columns(
-    path: str | PathLike[str], count: int, units: Sequence[Sequence[str]] = ()
+    path: str | PathLike[str],
+    count: int,
+    units: Sequence[Sequence[str]] = (),
+    channel: int | str | None = None,
 ) -> list[list[float]]:
     """Return the `count` columns of numbers in a text file.
 
-    Columns are separated by comma, semicolon, tab or blanks. Lines that begin with # are skipped,
+    Columns are separated by comma, semicolon, tab or blanks; beside other separators, commas may be
+    decimal commas. Of a file with further columns, `channel` is the last one of two, by its heading
+    or by its number, 1 after the times. Lines that begin with # are skipped,
     as are headings and settings of an oscilloscope above the numbers. Some oscilloscopes write
     settings in three columns before the numbers of the first lines. A line above the numbers with
     as many cells is an error if it begins with a digit.
@@ -182,8 +188,10 @@ def read_columns(
     columns: list[list[float]] = [[] for _ in range(count)]
     factors = [1.0] * count
     above = True
-    for number, line in enumerate(read_text(raw, source).splitlines(), start=1):
-        line = line.strip()
+    lines = with_points([line.strip() for line in decoded(raw).splitlines()])
+    if units and count == 2:
+        lines = two_columns(lines, channel, source)
+    for number, line in enumerate(lines, start=1):
         if above and units:
             factors = _heading_factors(line, units, factors, f"line {number}", source)
         if not line or line.startswith("#"):
@@ -203,6 +211,8 @@ def read_columns(
             continue
         if len(cells) != count:
             reason = f"line {number} holds {len(cells)} columns, not {count}"
+            if len(cells) == 2 * count and "." not in line:
+                remedy = "separate columns by semicolons, if the commas are decimal commas"
             raise InvalidFile(source, reason, remedy)
         for column, cell, value in zip(columns, cells, values, strict=True):
             if value is None or not math.isfinite(value):
@@ -215,6 +225,34 @@ def read_columns(
         [scaled_once(value, factor) for value in column]
         for column, factor in zip(columns, factors, strict=True)
     ]
+
+
+def two_columns(lines: list[str], channel: int | str | None, source: str) -> list[str]:
+    """Return the lines with the first column and that of a channel."""
+    rows = [[cell for cell in _SEPARATOR.split(line) if cell] for line in lines]
+    numeric = [all(map(_is_number, row)) and len(row) > 1 for row in rows]
+    width = len(rows[numeric.index(True)]) if any(numeric) else 2
+    if width == 2 and channel is None:
+        return lines
+    cells = [[cell.strip(" #\t\"'") for cell in re.split("[,;\t]", line)] for line in lines]
+    named = [own for own, row in zip(cells, numeric, strict=True) if len(own) == width and not row]
+    headings: list[str] = next((own for own in reversed(named) if all(own)), [])
+    names = headings or [str(i) for i in range(width)]
+    numbers = {name: i for i, name in enumerate(names)}
+    numbers |= {name.split("[")[0].split("(")[0].strip(): i for name, i in numbers.items()}
+    place = channel if isinstance(channel, int) else numbers.get(str(channel), 0)
+    if not 0 < place < width:
+        given = f"{', '.join(names[1:])}" if headings else f"1 to {width - 1}"
+        if channel is None:
+            if width == 4 and not any("." in line for line in lines):
+                return lines  # perhaps of decimal commas, see `read_columns`
+            raise InvalidFile(source, f"holds {width} columns", f"give channel=, one of {given}")
+        raise InvalidParameter("channel", channel, f"one of {given}", source)
+    found = []
+    for line, own, row, is_row in zip(lines, cells, rows, numeric, strict=True):
+        pair = row if is_row and len(row) == width else own if len(own) == width else []
+        found.append(f"{pair[0]};{pair[place]}" if pair and any(pair) else line)
+    return found
 
 
 def scaled_once(value: float, factor: float) -> float:

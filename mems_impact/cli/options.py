@@ -360,7 +360,9 @@ def _of_file(
         measured = {
             name: file_values.pop(name) for name in ("period", "phase") if name in file_values
         }
-        drive: Drive = Sampled.from_csv(path, **measured)
+        drive: Drive = Sampled.from_csv(
+            path, period=measured.get("period"), phase=measured.get("phase", 0.0)
+        )
     else:
         drive = load_drive(path, allow_code=allow_code)
     fields = {*drive.names, *(EQUIVALENT.keys() & type(drive).model_fields.keys())}

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from io import StringIO
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -15,6 +18,7 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.limits import UNLIMITED, Limits
+from mems_impact._util.text_tables import decoded, even_times, with_points
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.run_derivatives import INITIAL, RunDerivatives
 from mems_impact.analysis.simulate import simulate
@@ -34,6 +38,9 @@ __all__ = ["Comparison", "Conditions", "Measurement", "Prediction", "Record", "t
 
 DELAY, OFFSET = "delay", "offset."  # names of free quantities of a record
 TIME, EVENT = "t", "event"
+HEADING = re.compile(
+    r"(?:^|[,;\t])\s*[\"']?t\b"
+)  # with a column t, below what an instrument writes
 LOCATING = ("period", "time", "mode", "mode before", "mode after")
 """Columns of the tables of runs that locate a row and are not compared."""
 STEP = 1e-4  # of the derivatives of observables, relative to the changes of a state
@@ -266,7 +273,14 @@ def table_of(field: str, data: Any) -> Any:
 
     if isinstance(data, str | PathLike):
         try:
-            data = pd.read_csv(data)
+            lines = with_points(decoded(Path(data).read_bytes()).splitlines())
+            first = next((i for i, line in enumerate(lines) if HEADING.search(line)), 0)
+            separator = max(",;\t", key=lines[first].count) if lines else ","
+            text = StringIO("\n".join(lines[first:]))
+            data = pd.read_csv(text, sep=separator, skipinitialspace=True)
+            even = even_times(data[TIME]) if TIME in data and EVENT not in data else None
+            if even is not None:
+                data[TIME] = even.times
         except (OSError, ValueError) as error:
             raise InvalidFile(data, f"is no table: {error}", "give a CSV file") from None
     if data is None:

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 import mems_impact as mi
@@ -109,7 +110,7 @@ BAD = {
         "wave.amplitude", "missing"],
     '[drive]\nkind = "sampled"\nfile = "none.csv"': ["none.csv", "no such file"],
     '[drive]\nkind = "sampled"\nfile = 3': ["file = 3", "CSV"],
-    '[drive]\nkind = "sampled"\nfile = "wave.csv"\ntimes = [1]': ["times", "file, period or phase"],
+    '[drive]\nkind = "sampled"\nfile = "wave.csv"\ntimes = [1]': ["times", "file, channel, period or phase"],
     '[drive]\nkind = "custom"': ["source", "Python file"],
     '[drive]\nkind = "custom"\nsource = "none.py"': ["none.py", "no such file"],
     '[drive]\nkind = "custom"\nsource = "empty.py"': ["empty.py", "no function voltage"],
@@ -217,6 +218,52 @@ def test_a_record_of_an_oscilloscope(folder, text):
     assert drive.voltages == (0.0, 1.0, 0.5)
 
 
+COMMAS = {
+    "semicolons": "Zeit [ms];Spannung [V]\n-1,0;0,00\n0,0;1,25\n1,0;0,50\n",
+    "tabs": "Kanal\tA\nZeit [ms]\tSpannung [V]\n-1,0\t0,00\n0,0\t1,25\n1,0\t0,50\n",
+    "blanks": "-1,0E-3 0,00\n0,0E-3 1,25\n1,0E-3 0,50\n",
+    "whole numbers among them": "-0,001;0\n0;1,25\n0,001;0,5\n",
+}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize("text", COMMAS.values(), ids=COMMAS)
+def test_a_record_with_decimal_commas(folder, text, encoding):
+    (folder / "scope.csv").write_bytes(text.encode(encoding))
+    drive = mi.load("scope.csv")
+    assert drive.times == (-0.001, 0.0, 0.001)
+    assert drive.voltages == (0.0, 1.25, 0.5)
+
+
+def test_a_channel_of_several(folder):
+    rows = "".join(f"{t},{t / 2},{9 - t}\n" for t in range(4))
+    (folder / "two.csv").write_text(f"Model,X1\nTime [ms],CH1 [mV],CH2 [V]\n{rows}")
+    for channel, voltages in (("CH1", (0.0, 5e-4, 1e-3, 1.5e-3)), (2, (9.0, 8.0, 7.0, 6.0))):
+        drive = mi.Sampled.from_csv("two.csv", channel=channel)
+        assert drive.voltages == pytest.approx(voltages, rel=1e-15)
+        assert drive.times == pytest.approx((0.0, 1e-3, 2e-3, 3e-3), rel=1e-15)
+    with pytest.raises(mi.InvalidParameter, match="channel = 'CH3'"):
+        mi.Sampled.from_csv("two.csv", channel="CH3")
+
+
+@pytest.mark.parametrize("form", ["{:.5f}", "{:.3e}"])
+def test_rounded_times_are_equally_spaced(folder, form):
+    times = 1e-3 + 3.3e-6 * np.arange(400)
+    rows = "".join(f"{form.format(t)},{math.sin(9e3 * t):.6f}\n" for t in times)
+    (folder / "rounded.csv").write_text(rows)
+    with pytest.warns(mi.ValidityWarning, match=r"taken as equally spaced, 3\.(3|29\d+)e-06 s"):
+        drive = mi.Sampled.from_csv("rounded.csv")
+    assert np.ptp(np.diff(drive.times)) < 1e-15
+    assert np.diff(drive.times)[0] == pytest.approx(3.3e-6, rel=1e-2)
+
+
+def test_a_whole_cycle_is_told(folder):
+    rows = "".join(f"{i * 1e-3},{math.cos(2 * math.pi * i / 100):.3f}\n" for i in range(100))
+    (folder / "cycle.csv").write_text(rows)
+    with pytest.warns(mi.ValidityWarning, match="counts two periods of the force as one"):
+        mi.Sampled.from_csv("cycle.csv")
+
+
 @pytest.mark.parametrize(
     ("heading", "time", "volt"),
     [
@@ -253,7 +300,9 @@ def test_units_in_headings_apply(folder, heading, time, volt):
         ("0 0\n2 1\n1 0", "ascending"),
         ("a b\nc d\n", "no line begins with a number"),
         ("\x00\x01", "no line begins"),
-        (b"\xff\xfe0", "not UTF-8"),
+        (b"\xff\xfe0", "no line begins"),
+        ("t;CH1;CH2\n0;1;2\n1;2;3\n2;1;0\n", "holds 3 columns; give channel=, one of CH1, CH2"),
+        ("0,001,1,5\n0,002,2,5\n0,003,1,5\n", "holds 4 columns, not 2; separate columns by semi"),
     ],
 )
 def test_bad_csv(folder, text, words):

@@ -135,8 +135,8 @@ def _sampled_drive(values: dict[str, Any], folder: Path) -> Sampled:
     if not isinstance(file, str):
         raise InvalidParameter("file", file, "the path of a CSV file")
     for name in values:
-        if name not in ("period", "phase"):
-            allowed = "file, period or phase"
+        if name not in ("channel", "period", "phase"):
+            allowed = "file, channel, period or phase"
             raise InvalidParameter(name, values[name], allowed, problem=f"must be {allowed}")
     return Sampled.from_csv(folder / file, **values)
 

@@ -11,17 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
+from mems_impact._util.files import file_path
 from mems_impact._util.formatting import shown
+from mems_impact._util.text_tables import even_times
+from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
 from mems_impact.actuator.parameter_base import Number, Positive
 from mems_impact.actuator.toml_files import read_columns
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import InvalidParameter, ValidityWarning
 
 __all__ = ["Sampled"]
 
 LONGEST_STEP = 1.0 / 16.0  # of a period: that of the integration
 MIN_SAMPLE_SPACING = 1e-9  # of the record: closer samples coincide
 BEND_RATIO = 0.25  # of the range of the voltage
+ALTERNATING = 0.02  # of the range of the voltage
 LIST = "a list of 3 or more finite numbers"
 
 
@@ -95,16 +99,24 @@ class Sampled(PiecewiseDrive):
 
     @classmethod
     def from_csv(
-        cls, path: str | PathLike[str], *, period: float | None = None, phase: float = 0.0
+        cls,
+        path: str | PathLike[str],
+        *,
+        channel: int | str | None = None,
+        period: float | None = None,
+        phase: float = 0.0,
     ) -> Self:
-        """Read a record from a file of two columns, time and voltage.
+        """Read a record from a file with columns of time and voltage.
 
         Parameters
         ----------
         path : str or os.PathLike
-            Columns separated by comma, semicolon, tab or blanks. Headings, settings written by an
-            oscilloscope, and lines that begin with # are skipped, apart from units such as ``time
-            [ms], voltage [mV]``; without units, numbers are in SI.
+            Columns separated by comma, semicolon, tab or blanks; beside the others, commas may be
+            decimal commas. Headings, settings written by an oscilloscope, and lines that begin with
+            # are skipped, apart from units such as ``time [ms], voltage [mV]``; without units,
+            numbers are in SI.
+        channel : int or str, optional
+            Which column is the voltage, in a file with several: its heading, or its number from 1.
         period, phase : float, optional
             As for the class.
 
@@ -114,13 +126,43 @@ class Sampled(PiecewiseDrive):
             If the file cannot be read or is not such a table.
         InvalidParameter
             If its numbers are not allowed.
+
+        Warns
+        -----
+        ValidityWarning
+            If the times are rounded, so that equally spaced times take their place; or if the
+            record is a whole cycle of a voltage whose second half is the negative of the first: the
+            cycle is then the forcing period, twice the period of the force.
         """
-        times, voltages = read_columns(path, 2, [("s",), ("V", "C")])
+        times, voltages = read_columns(path, 2, [("s",), ("V", "C")], channel)
+        even = even_times(times)
+        if even is not None:
+            warn(
+                f"{file_path(path, '')}: the times are rounded; they are taken as equally spaced, "
+                f"{even.spacing:.6g} s apart, up to {even.deviation:.2g} s from those of the file",
+                ValidityWarning,
+            )
+            times = even.times.tolist()
         values: dict[str, Any] = {"times": times, "voltages": voltages, "period": period}
         try:
-            return cls(**values, phase=phase)
+            record = cls(**values, phase=phase)
         except InvalidParameter as error:
             raise error.located(path) from None
+        if record.alternates:
+            warn(
+                f"{file_path(path, '')}: the second half of the record is the negative of the "
+                "first, with the same force: the forcing period is the whole record, which counts "
+                "two periods of the force as one",
+                ValidityWarning,
+            )
+        return record
+
+    @property
+    def alternates(self) -> bool:
+        """Whether the second half of the record is the negative of the first, to a few percent."""
+        t, v = np.array(self.times) - self.times[0], np.array(self.voltages)
+        half = np.interp((t + 0.5 * self.period) % self.period, [*t, self.period], [*v, v[0]])
+        return bool(np.abs(half + v).max() < ALTERNATING * np.ptp(v) > 0.0)
 
     @model_validator(mode="before")
     @classmethod
