@@ -110,7 +110,7 @@ BAD = {
         "wave.amplitude", "missing"],
     '[drive]\nkind = "sampled"\nfile = "none.csv"': ["none.csv", "no such file"],
     '[drive]\nkind = "sampled"\nfile = 3': ["file = 3", "CSV"],
-    '[drive]\nkind = "sampled"\nfile = "wave.csv"\ntimes = [1]': ["times", "file, channel, period or"],
+    '[drive]\nkind = "sampled"\nfile = "wave.csv"\ntimes = [1]': ["times", "file, channel, period"],
     '[drive]\nkind = "custom"': ["source", "Python file"],
     '[drive]\nkind = "custom"\nsource = "none.py"': ["none.py", "no such file"],
     '[drive]\nkind = "custom"\nsource = "empty.py"': ["empty.py", "no function voltage"],
