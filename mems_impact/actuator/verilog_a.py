@@ -24,7 +24,7 @@ from mems_impact.actuator.terms.table import TableTerm
 from mems_impact.actuator.verilog_a_code import (
     PARALLEL,
     ModuleState,
-    Plate,
+    PlateCode,
     Side,
     TermCode,
     function,
@@ -57,7 +57,7 @@ class Layout:
         """Return a contribution of all terms that have it."""
         return [found for code in self.codes if (found := getattr(code, name))]
 
-    def plate(self, side: Side) -> Plate:
+    def plate(self, side: Side) -> PlateCode:
         """Return the electrode on a side."""
         for term, code in zip(self.actuator.terms, self.codes, strict=True):
             if code.plate is not None and type(term).acts_at(term.shape, side.sign):

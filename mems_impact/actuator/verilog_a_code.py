@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-__all__ = ["GAP", "PARALLEL", "PI", "ModuleState", "Plate", "Side", "TermCode", "function"]
+__all__ = ["GAP", "PARALLEL", "PI", "ModuleState", "PlateCode", "Side", "TermCode", "function"]
 
 PI = repr(math.pi)
 
@@ -35,7 +35,7 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Plate:
+class PlateCode:
     """The bodies of the functions ``capacitance(x)`` of an electrode and of its derivative.
 
     The statements assign to NAME; `variables` are further variables.
@@ -63,7 +63,7 @@ class TermCode:
     states : tuple of ModuleState
     functions : tuple of str
         Further functions.
-    plate : Plate
+    plate : PlateCode
         An electrode in place of a parallel plate.
     constants : tuple of pairs
         Variables that depend on parameters alone.
@@ -79,7 +79,7 @@ class TermCode:
     adhesion: str = ""
     states: tuple[ModuleState, ...] = ()
     functions: tuple[str, ...] = ()
-    plate: Plate | None = None
+    plate: PlateCode | None = None
     constants: tuple[tuple[str, str], ...] = ()
     ranges: tuple[tuple[str, str], ...] = ()
 
@@ -96,4 +96,4 @@ def function(name: str, inputs: str, body: str, variables: str = "") -> str:
 
 GAP = "gap = electrode_gap(x);\n"
 
-PARALLEL = Plate(GAP + "NAME = 2.0*alpha/gap;", GAP + "NAME = 2.0*alpha/(gap*gap);", "gap")
+PARALLEL = PlateCode(GAP + "NAME = 2.0*alpha/gap;", GAP + "NAME = 2.0*alpha/(gap*gap);", "gap")

@@ -14,7 +14,7 @@ from mems_impact.actuator.parameter_base import Checked, NonNegative, Number, Po
 from mems_impact.actuator.terms.comb_drive import PERMITTIVITY
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["PERMITTIVITY", "Beams", "Finding", "Part", "Process"]
+__all__ = ["PERMITTIVITY", "Beams", "DrawnPart", "Finding", "Process"]
 
 GUIDED_MASS = 13.0 / 35.0  # of a beam whose end is guided, relative to its mass
 
@@ -79,7 +79,7 @@ class Process(Checked):
         return self.viscosity / (1.0 + 2.0 * self.free_path_pressure / self.pressure / gap)
 
 
-class Part(Checked, ABC):
+class DrawnPart(Checked, ABC):
     """Base of the parts of a `Geometry`, each kind in its own file."""
 
     units: ClassVar[Mapping[str, str]] = {}
@@ -125,7 +125,7 @@ class Section(NamedTuple):
         return cls(length, width, modulus * area * width * width / 12.0, modulus * area)
 
 
-class Beams(Part):
+class Beams(DrawnPart):
     """Base of suspensions of beams that bend in the plane."""
 
     count: Positive

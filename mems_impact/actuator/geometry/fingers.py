@@ -7,14 +7,14 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, Literal
 
-from mems_impact.actuator.geometry.base import PERMITTIVITY, Finding, Part, Process
+from mems_impact.actuator.geometry.base import PERMITTIVITY, DrawnPart, Finding, Process
 from mems_impact.actuator.parameter_base import Positive
 from mems_impact.actuator.terms.base import Term
 
 __all__ = ["Fingers", "line_capacitance"]
 
 
-class Fingers(Part):
+class Fingers(DrawnPart):
     """Base of electrodes with fingers."""
 
     count: Positive

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import BeforeValidator, model_validator
 
 from mems_impact._util.formatting import html_table
-from mems_impact.actuator.geometry.base import Finding, Part, Process
+from mems_impact.actuator.geometry.base import DrawnPart, Finding, Process
 from mems_impact.actuator.geometry.clamped_beams import ClampedBeams
 from mems_impact.actuator.geometry.comb_fingers import CombFingers
 from mems_impact.actuator.geometry.crab_legs import CrabLegs
@@ -23,7 +23,7 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["Geometry"]
 
 PREFIX = "geometry."
-PARTS: dict[str, type[Part]] = {
+PARTS: dict[str, type[DrawnPart]] = {
     each.kind(): each
     for each in (FoldedBeams, CrabLegs, ClampedBeams, Plate, CombFingers, GapClosingFingers)
 }
@@ -157,7 +157,7 @@ class Geometry(Process):
             value = getattr(self, name)
             if isinstance(value, float):
                 yield f"{PREFIX}{name}", get(self, name)
-            elif isinstance(value, Part):
+            elif isinstance(value, DrawnPart):
                 for inner in type(value).model_fields:
                     if isinstance(getattr(value, inner), float):
                         yield f"{PREFIX}{name}.{inner}", get(value, inner)
@@ -235,7 +235,7 @@ class Geometry(Process):
     def as_table(self) -> dict[str, Any]:
         """Return the geometry as the table ``[geometry]`` of a file."""
         values = {name: value for name, value in dict(self).items() if value is not None}
-        parts = {name: each.table() for name, each in values.items() if isinstance(each, Part)}
+        parts = {name: each.table() for name, each in values.items() if isinstance(each, DrawnPart)}
         return {**values, **parts, "block": [plate.table() for plate in self.block]}
 
     def _repr_html_(self) -> str:

@@ -7,14 +7,14 @@ from typing import ClassVar, Self
 
 from pydantic import model_validator
 
-from mems_impact.actuator.geometry.base import Part, Process
+from mems_impact.actuator.geometry.base import DrawnPart, Process
 from mems_impact.actuator.parameter_base import NonNegative, Positive
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Plate"]
 
 
-class Plate(Part):
+class Plate(DrawnPart):
     """Rectangular plates of the block, with rectangular etch holes.
 
     Parameters

@@ -15,7 +15,7 @@ from mems_impact.actuator.terms.base import (
     Term,
     reach_function,
 )
-from mems_impact.actuator.verilog_a_code import Plate, TermCode
+from mems_impact.actuator.verilog_a_code import PlateCode, TermCode
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["CombDrive"]
@@ -25,7 +25,7 @@ MIN_OVERLAP_RATIO = 1e-6  # of the overlap at x2 = 0
 
 _COMB = "2.0*comb_drive_fingers*comb_drive_permittivity*comb_drive_thickness/comb_drive_gap"
 
-_PLATE = Plate(
+_PLATE = PlateCode(
     f"NAME = {_COMB}*max(comb_drive_overlap + x, {MIN_OVERLAP_RATIO}*comb_drive_overlap);",
     f"NAME = {_COMB};",
     "",

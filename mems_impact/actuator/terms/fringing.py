@@ -11,7 +11,7 @@ from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Positive
 from mems_impact.actuator.plausible_ranges import ELECTRODE_LENGTH
 from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape, Term
-from mems_impact.actuator.verilog_a_code import GAP, PI, Plate, TermCode, function
+from mems_impact.actuator.verilog_a_code import GAP, PI, PlateCode, TermCode, function
 
 __all__ = ["Fringing"]
 
@@ -111,7 +111,7 @@ class Fringing(Term):
         edge = f"fringe = 1.0 + gap/({PI}*size)*(1.0 + ln(2.0*{PI}*size/gap));"
         edge_slope = f"fringe_slope = ln(2.0*{PI}*size/gap)/({PI}*size);"
         return TermCode(
-            plate=Plate(
+            plate=PlateCode(
                 f"{GAP}NAME = 2.0*alpha*{product}/gap;",
                 f"{GAP}NAME = 2.0*alpha*({product}/gap - {by_gap})/gap;",
                 "gap",

@@ -11,7 +11,7 @@ from mems_impact._util.formatting import shown
 from mems_impact.actuator.plausible_ranges import CAPACITANCE, LENGTH
 from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape
 from mems_impact.actuator.terms.table import SPLINE_VARIABLES, TableNumbers, TableTerm
-from mems_impact.actuator.verilog_a_code import Plate, TermCode
+from mems_impact.actuator.verilog_a_code import PlateCode, TermCode
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["TabulatedCapacitance"]
@@ -95,4 +95,4 @@ class TabulatedCapacitance(TableTerm):
     def verilog_a(self) -> TermCode:
         """Return its contributions to a Verilog-A module."""
         value, slope = self.spline_body(slope=False), self.spline_body(slope=True)
-        return TermCode(plate=Plate(value, slope, SPLINE_VARIABLES))
+        return TermCode(plate=PlateCode(value, slope, SPLINE_VARIABLES))

@@ -1,4 +1,4 @@
-"""Plate electrodes that are not parallel."""
+"""PlateCode electrodes that are not parallel."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mems_impact.actuator.terms.base import (
     Shape,
     Term,
 )
-from mems_impact.actuator.verilog_a_code import Plate, TermCode
+from mems_impact.actuator.verilog_a_code import PlateCode, TermCode
 
 __all__ = ["TiltedPlate"]
 
@@ -28,7 +28,7 @@ wedge = 0.5*tilted_plate_length*abs(tilted_plate_angle);
 gap = max(d - x, wedge + {FREE_SHARE}*(d - delta - wedge));
 """
 
-_PLATE = Plate(
+_PLATE = PlateCode(
     f"""\
 {_WEDGE}ratio = wedge/gap;
 factor = 1.0 + ratio*ratio/3.0;
@@ -41,7 +41,7 @@ NAME = 2.0*alpha*factor/gap;""",
 
 
 class TiltedPlate(Term):
-    """Plate electrodes at an angle, with a wedge-shaped gap, in place of parallel plates.
+    """PlateCode electrodes at an angle, with a wedge-shaped gap, in place of parallel plates.
 
     Parameters
     ----------
