@@ -65,8 +65,8 @@ class Voltages(Drive):
     """
 
     right: Drive = Field(description="a drive")
-    left: Drive | None = Field(None, description="a drive")
-    clamp: Drive | None = Field(None, description="a drive")
+    left: Drive | None = Field(default=None, description="a drive")
+    clamp: Drive | None = Field(default=None, description="a drive")
 
     @property
     def _waves(self) -> dict[str, Drive]:

@@ -31,10 +31,10 @@ class CombFingers(Fingers):
         Drawn gap between neighbouring fingers [m], > 0.
     overlap : float
         Drawn length over which the fingers overlap at rest [m], > 0.
-    tip_gap : float
-        Drawn distance from the tips to the opposite electrode [m], above the travel; `d`.
     sides : {"both", "right", "left"}, optional
         The electrodes that are combs.
+    tip_gap : float
+        Drawn distance from the tips to the opposite electrode [m], above the travel; `d`.
 
     Raises
     ------

@@ -36,12 +36,12 @@ class GapClosingFingers(Fingers):
         Drawn length and width of the fingers [m], > 0.
     gap : float
         Drawn front gap [m], above the travel; `d`.
-    back_gap : float, optional
-        Drawn back gap to the next fixed finger [m]; none by default.
     overlap : float
         Drawn length over which the fingers overlap [m], > 0.
     sides : {"both", "right", "left"}, optional
         The electrodes with such fingers.
+    back_gap : float, optional
+        Drawn back gap to the next fixed finger [m]; none by default.
 
     Raises
     ------

@@ -53,14 +53,6 @@ class Geometry(Process):
 
     Parameters
     ----------
-    springs : FoldedBeams, CrabLegs or ClampedBeams
-        The suspension of the block.
-    block : Plate, or tuple of Plate
-        The block, without fingers.
-    fingers : CombFingers or GapClosingFingers
-        The electrodes.
-    travel : float
-        Drawn distance from the block to each stopper [m], > 0.
     thickness : float
         Thickness of the layer [m], > 0.
     youngs_modulus, density : float
@@ -80,6 +72,14 @@ class Geometry(Process):
         Pressure of the gas [Pa].
     free_path_pressure : float, optional
         Mean free path times pressure [Pa m]; 6.7e-3 for air by default.
+    springs : FoldedBeams, CrabLegs or ClampedBeams
+        The suspension of the block.
+    block : Plate, or tuple of Plate
+        The block, without fingers.
+    fingers : CombFingers or GapClosingFingers
+        The electrodes.
+    travel : float
+        Drawn distance from the block to each stopper [m], > 0.
 
     Raises
     ------

@@ -37,7 +37,7 @@ class Clamp(Term):
     >>> import mems_impact as mi
     >>> clamped = mi.load_actuator("mita2003").adding(mi.Clamp(force="2 mN"))
     >>> round(clamped.datasheet["normal_force"], 6)
-    0.052838
+    0.002123
     """
 
     force: NonNegative
