@@ -151,6 +151,7 @@ from .tables import to_xarray as to_xarray
 from .actuator.design.estimates import pull_in_voltage as pull_in_voltage
 from .actuator.design.estimates import pull_in_charge as pull_in_charge
 from .actuator.design.estimates import resting_voltage as resting_voltage
+from .actuator.design.walking_drive import walking_drive as walking_drive
 from .actuator.design.step_length import step_length as step_length
 from .actuator.design.characteristics import speed_over_voltage as speed_over_voltage
 from .actuator.design.characteristics import SpeedOverVoltage as SpeedOverVoltage

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-__all__ = ["DIMENSIONLESS", "PREFIXED", "SI_PREFIXES", "Scales", "si_prefixed"]
+__all__ = ["DIMENSIONLESS", "PREFIXED", "SI_PREFIXES", "Scales", "si_amount", "si_prefixed"]
 
 SI_PREFIXES = {
     -24: "y", -21: "z", -18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k",
@@ -41,6 +41,18 @@ def si_prefixed(unit: str, size: float) -> tuple[int, str]:
     power = 3 * math.floor((math.log10(size) + kilo) / 3.0 + 1e-9)
     power = min(max(power, min(SI_PREFIXES)), max(SI_PREFIXES))
     return power - kilo, SI_PREFIXES[power] + unit.removeprefix("k" if kilo else "")
+
+
+def si_amount(value: float, unit: str) -> str:
+    """Return a number with its SI unit, with a prefix, as text of messages and files.
+
+    Examples
+    --------
+    >>> si_amount(2.5e-7, "m"), si_amount(48.8, "V"), si_amount(0.24, "")
+    ('250 nm', '48.8 V', '0.24')
+    """
+    power, name = si_prefixed(unit, abs(value))
+    return f"{value / 10.0**power:.4g} {name}".rstrip().replace("µ", "u")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -137,7 +137,7 @@ class Actuator(ActuatorParameters):
 
         See Also
         --------
-        DataSheet, load_actuator
+        DataSheet, load_actuator, walking_drive
 
         Examples
         --------

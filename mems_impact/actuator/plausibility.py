@@ -22,7 +22,12 @@ from mems_impact.actuator.terms.base import Device, Term, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.errors import InvalidParameter, UnitsWarning, ValidityWarning
 
-__all__ = ["check_plausible_device", "check_plausible_drive", "check_plausible_target"]
+__all__ = [
+    "check_plausible_device",
+    "check_plausible_drive",
+    "check_plausible_target",
+    "voltage_limits",
+]
 
 
 DEVICE_RANGES = {
@@ -111,12 +116,17 @@ def check_plausible_drive(actuator: Device, drive: Drive) -> None:
         _check_voltage(actuator, _peak(drive))
 
 
-def _check_voltage(actuator: Device, peak: float) -> None:
-    """Warn of a voltage at which the electrodes fail."""
+def voltage_limits(actuator: Device) -> Sequence[Finding]:
+    """Return the voltages in SI at which the electrodes fail, such as the breakdown of a gap."""
     limits = [each for each in _drawn(actuator) if each.unit == "V"]
     if not limits and all(term.plates for term in actuator.terms):
         limits = [breakdown(actuator.d - actuator.delta)]
-    for each in limits:
+    return limits
+
+
+def _check_voltage(actuator: Device, peak: float) -> None:
+    """Warn of a voltage at which the electrodes fail."""
+    for each in voltage_limits(actuator):
         if peak > each.value:
             limit = f"{each.quantity}, {each.value:.3g} V"
             message = f"the drive reaches {peak:.4g} V, above the {limit}: {each.formula}"
@@ -129,6 +139,11 @@ def _check_times(actuator: Device, drive: Drive, prefix: str) -> None:
     _check(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
     omega = getattr(drive, "omega", None)
     frequency = omega / (2.0 * math.pi) if omega else math.inf
+    if RESONANCE_RATIO * resonance < frequency < math.inf:
+        _warn_once(
+            f"{prefix}frequency = {frequency:.4g} Hz lies far above the resonance, "
+            f"{resonance:.4g} Hz, where the block hardly moves"
+        )
     near = (
         drive_unit(actuator.terms) == "V"
         and resonance / RESONANCE_RATIO < 1e3 * frequency < resonance * RESONANCE_RATIO

@@ -108,11 +108,14 @@ def _subject(device: str, changes: dict[str, float]) -> Subject:
 
 def _usual(options: dict[str, Any], actuator: Actuator) -> dict[str, float]:
     """Return default values for the required parameters of a sine that are not given."""
-    from mems_impact.explorer.session import typical_sine
+    from mems_impact.actuator.design.walking_drive import first_drive
 
     if drive_choice() != "sine":
         return {}
     names = {*options, *(EQUIVALENT[name] for name in EQUIVALENT if name in options)}
     if names >= {"amplitude", "omega", "frequency"}:
         return {}
-    return {name: value for name, value in typical_sine(actuator).items() if name not in names}
+    drive = first_drive(actuator)
+    frequency = "omega" if drive.frequency is None else "frequency"
+    usual = {each: drive.number(each) for each in ("amplitude", frequency)}
+    return {name: value for name, value in usual.items() if name not in names}

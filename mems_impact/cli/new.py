@@ -15,7 +15,7 @@ from mems_impact._util.formatting import label, stem
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES, Entry
 from mems_impact.cli.options import apply_decorators
 from mems_impact.cli.output import add_json_files, show
-from mems_impact.cli.runtime import PROGRAM
+from mems_impact.cli.runtime import PROGRAM, warn
 
 TEMPLATES = {
     "device": ("device.toml", "simulate {}"),
@@ -103,18 +103,32 @@ def _with_design(template: str, texts: dict[str, str]) -> str:
     InvalidParameter
         If the quantities determine no device.
     """
+    from mems_impact._util.units import si_amount
     from mems_impact.actuator.actuator import Actuator
+    from mems_impact.actuator.design.walking_drive import find_walk, snap_drive
+    from mems_impact.actuator.plausibility import check_plausible_device, check_plausible_drive
+    from mems_impact.errors import OrbitError
 
     values: dict[str, Any] = {name: _value(text) for name, text in texts.items()}
     if "friction" in texts:
         values["friction"] = _friction(texts["friction"])
     actuator = Actuator.from_design(**values)
+    check_plausible_device(actuator)
+    try:
+        drive, step = find_walk(actuator)
+        way = "forward" if step > 0.0 else "backward"
+        found = f"by simulation: one blow in a forcing period, {si_amount(abs(step), 'm')} {way}"
+    except OrbitError as error:
+        drive, found = snap_drive(actuator), "no drive was found under which the frame walks"
+        warn(f"the frame walks under no drive that was tried: {error}")
+    check_plausible_drive(actuator, drive)
     lines = [f"{name} = {_toml(value)}" for name, value in values.items()]
     above, _, rest = template.partition("[parameters]")
     _, _, below = rest.partition("[drive]")
-    sheet = actuator.datasheet
-    below = below.replace("amplitude = 100.0", f"amplitude = {sheet['pull_in']:.4g}", 1)
-    below = below.replace("frequency = 50.0", f"frequency = {0.5 * sheet['frequency']:.4g}", 1)
+    below = below.replace("amplitude = 100.0", f"# {found}\namplitude = {drive.amplitude:g}", 1)
+    volts = f"{0.8 * drive.amplitude:.3g}:{1.2 * drive.amplitude:.3g}:9"
+    above = above.replace("20:100:9", volts)
+    below = below.replace("frequency = 50.0", f"frequency = {drive.number('frequency'):g}", 1)
     return f"{above}[design]\n" + "\n".join(lines) + f"\n\n[drive]{below}"
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
 
+from mems_impact._util.units import si_amount
 from mems_impact._util.warning_scopes import collected_warnings
 from mems_impact.cli.arguments import Command, function_options
 from mems_impact.cli.inputs import arguments_for, load_subject
@@ -131,7 +133,7 @@ def _show(run: mi.Run) -> None:
     show("")
     impacts = run.impacts
     if impacts.empty:
-        show("No impact.\n")
+        show(f"{filled(_no_impact(run))}\n")
         return
     show(f"First of {len(impacts)} impacts:")
     show_table("impacts", impacts.head(FIRST_ROWS), digits=6)
@@ -142,6 +144,22 @@ def _show(run: mi.Run) -> None:
     else:
         show(f"First of the {len(run.blows)} blows into which the impacts are grouped:")
         show_table("blows", run.blows.head(FIRST_ROWS), digits=6)
+
+
+def _no_impact(run: mi.Run) -> str:
+    """Return that a run has no impact, for a device with the voltage that would strike."""
+    from mems_impact.actuator.design.estimates import contact_amount
+    from mems_impact.actuator.results import ActuatorRun
+
+    if not isinstance(run, ActuatorRun):
+        return "No impact."
+    half = 0.5 * math.sqrt(run.actuator.k / run.actuator.m2)
+    named = run.actuator.scales.named
+    where = si_amount(0.5 * half / math.pi, "Hz") if named else f"omega = {half:.4g}"
+    return (
+        f"No impact. A slowly rising voltage strikes at {contact_amount(run.actuator)}; at half "
+        f"the resonance ({where}), or with --initial kicked, less may do."
+    )
 
 
 def _tables(run: mi.Run) -> dict[str, pd.DataFrame]:

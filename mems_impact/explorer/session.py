@@ -13,13 +13,11 @@ from mems_impact._util.units import si_prefixed
 from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.device_files import load_actuator
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS
 from mems_impact.actuator.state_space import kicked_state
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.system_files import load_system
-from mems_impact.analysis.simulate import simulate
-from mems_impact.errors import InvalidParameter, MemsImpactError, RunError
+from mems_impact.errors import InvalidParameter, MemsImpactError
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State
@@ -38,7 +36,6 @@ __all__ = [
     "slider_specs",
     "subject_of_code",
     "subject_of_device",
-    "typical_sine",
 ]
 
 # --- Display units
@@ -75,7 +72,6 @@ def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
 # --- Subject of a page
 
 EXPLORER_OPTIONS = Options(method="auto")
-TRIAL_PERIODS = 60  # forcing periods within which an impact is expected
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,34 +107,6 @@ class Subject:
     meanings: Mapping[str, str] = field(default_factory=dict)
     sizes: Mapping[str, float] = field(default_factory=dict)
     options: Options = EXPLORER_OPTIONS
-
-
-def typical_sine(actuator: Actuator) -> dict[str, float]:
-    """Return amplitude and omega, or frequency in SI, of a sine that causes impacts.
-
-    The paper's working point, f = 0.24 and omega = 0.5 for m2 = k = d = alpha = 1, to two digits;
-    twice or four times the voltage if there are no impacts.
-    """
-    scales = actuator.scales
-    omega = scales.out(0.5, "rad/s")
-    name, value = ("frequency", omega / TURN) if scales.named else ("omega", omega)
-    value = float(f"{value:.2g}")
-    quantities = {}
-    for amplitude in (0.24, 0.48, 0.96):
-        quantities = {
-            "amplitude": float(f"{scales.out(amplitude, 'V'):.2g}"),
-            name: value,
-        }
-        system = actuator.under(Sine(**quantities))
-        try:
-            run = simulate(
-                system, TRIAL_PERIODS, initial=kicked_state(actuator), options=EXPLORER_OPTIONS
-            )
-        except RunError:
-            continue
-        if run.statistics["impacts"] > 0:
-            break
-    return quantities
 
 
 def subject_of_device(

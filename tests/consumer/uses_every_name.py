@@ -108,6 +108,7 @@ def designs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     assert_type(mi.ring_down(actuator, drive), mi.RingDown)
     assert_type(mi.closing(actuator, drive, duration="50 us"), mi.Closing)
     assert_type(mi.soft_landing(actuator), mi.SoftLanding)
+    assert_type(mi.walking_drive(actuator), mi.Sine)
     mi.plot_closing(mi.closing(actuator, drive))
     assert_type(mi.operating_chart(actuator), mi.OperatingChart)
     assert_type(mi.period_one_window(actuator, drive, (1.0, 2.0)), mi.PeriodOneWindow)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from mems_impact._util.units import si_amount
 from mems_impact.actuator.design.static_forces import StaticForces
 from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.terms.base import drive_unit
@@ -18,10 +19,12 @@ if TYPE_CHECKING:
     pass
 
 __all__ = [
+    "contact_amount",
     "contact_voltage",
     "pull_in_charge",
     "pull_in_voltage",
     "resting_voltage",
+    "static_contact",
 ]
 
 HOLDING_FRICTION = 1e6  # coefficient of friction that holds the frame
@@ -140,6 +143,26 @@ def contact_voltage(actuator: ActuatorParameters) -> float:
     if actuator.terms:
         return float(actuator.scales.out(StaticForces(actuator).contact(), "V"))
     return pull_in_voltage(actuator)
+
+
+def static_contact(actuator: ActuatorParameters) -> float:
+    """Return the static voltage, or charge, at which the block reaches the right stopper.
+
+    Where the equilibrium of a term is unknown, terms are neglected.
+    """
+    unit = drive_unit(actuator.terms)
+    try:
+        contact = float(actuator.scales.out(StaticForces(actuator).contact(), unit))
+    except InvalidParameter:
+        contact = 0.0
+    x2 = min(actuator.delta, actuator.d / 3.0)
+    return contact or math.sqrt(actuator.k * x2 / actuator.alpha) * (actuator.d - x2)
+
+
+def contact_amount(actuator: ActuatorParameters) -> str:
+    """Return `static_contact` with its unit."""
+    unit = drive_unit(actuator.terms) if actuator.scales.named else ""
+    return si_amount(static_contact(actuator), unit)
 
 
 def _dynamic_pull_in(actuator: ActuatorParameters) -> float:

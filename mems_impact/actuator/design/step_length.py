@@ -11,6 +11,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law
 from mems_impact.actuator.automaton import RIGHT_IMPACT
+from mems_impact.actuator.design.estimates import contact_amount
 from mems_impact.actuator.design.static_forces import StaticForces
 from mems_impact.actuator.equations import V1, V2, X2
 from mems_impact.actuator.impact_statistics import frame_steps
@@ -149,7 +150,10 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
 def _stepless(run: ActuatorRun, right: int, at_rest: int) -> str:
     """Return why the formula applies to no impact of a run."""
     if right == 0:
-        return "no impact on the right stopper; raise the voltage, or start with a kick"
+        return (
+            "no impact on the right stopper; raise the voltage (a slow one strikes at "
+            f"{contact_amount(run.actuator)}), or start with a kick"
+        )
     if at_rest:
         return f"no step of {at_rest} that begin at rest has ended; simulate more periods"
     return (

@@ -46,7 +46,8 @@ CODE = CodeRequest(
 DRIVE_FILE_REMEDY = (
     'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
 )
-_BESIDE = ("name", "description", "units", "parameters", "design")  # what a device file holds
+# What a device file holds.
+_BESIDE = ("name", "description", "units", "parameters", "design", "geometry")
 
 
 def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
