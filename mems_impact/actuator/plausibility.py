@@ -68,7 +68,7 @@ ALTERNATIVE_UNITS = {
 LENGTH_UNITS = {"mm": 1e3, "um": 1e6}  # factors of a number per millimetre or micrometre
 VOLTAGE_SAMPLES = 256  # of a period, for its largest voltage
 HALF_PERMITTIVITY = 4.427e-12  # of vacuum [F/m]
-QUASI_STATIC_RATIO = 300.0  # ratio of resonance to frequency above which motion is quasi-static
+QUASI_STATIC_RATIO = 300.0  # of resonance and frequency, beyond which the resonance plays no part
 RESONANCE_RATIO = 30.0  # largest ratio of a plausible frequency to the resonance
 EQUAL_RESONANCE_RATIO = 1.3  # largest ratio of resonances that count as equal
 
@@ -139,7 +139,7 @@ def _check_times(actuator: Device, drive: Drive, prefix: str) -> None:
     _check(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
     omega = getattr(drive, "omega", None)
     frequency = omega / (2.0 * math.pi) if omega else math.inf
-    if RESONANCE_RATIO * resonance < frequency < math.inf:
+    if QUASI_STATIC_RATIO * resonance < frequency < math.inf:
         _warn_once(
             f"{prefix}frequency = {frequency:.4g} Hz lies far above the resonance, "
             f"{resonance:.4g} Hz, where the block hardly moves"

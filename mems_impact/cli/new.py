@@ -70,7 +70,8 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
       mems-impact new system oscillator.py
 
     Any consistent set of quantities that determines the device is accepted, as numbers in SI or
-    with units. Without quantities, the file is a commented template that runs as it stands; that
+    with units; the drive makes the frame walk, or a warning says why none does and what would
+    change that. Without quantities, the file is a commented template that runs as it stands; that
     of a drawing has the parts of a device and the process. FILE is device.toml, drawing.toml or
     system.py by default. An existing file is never overwritten.
     """  # noqa: D301 - click looks for the backspace itself

@@ -118,6 +118,7 @@ SLOW = mi.Sine(amplitude=20.0, omega=2.0 * math.pi * 0.12)  # pull-in is at 31.6
         (SLOW, "31.57 V to reach a stopper; 0.12 kHz?"),
         (mi.Burst(wave=SLOW, on=3, off=2), "wave.frequency = 0.12 Hz"),
         (mi.Voltages(right=SLOW, left=SLOW), "left.frequency = 0.12 Hz"),
+        (mi.Sine(amplitude=20.0, frequency=5.7e6), "5.7e+06 Hz lies far above the resonance"),
         (mi.Burst(wave=DRIVE, on=3, pause=500.0), "period = 500.005 s"),
         (
             mi.Sampled(times=(0.0, 400.0, 800.0), voltages=(0.0, 1.0, 0.5), period=1111.0),

@@ -1,7 +1,9 @@
 """Files to start from, and completion."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -74,13 +76,37 @@ def test_quantities_are_those_of_a_device(cli, option):
     assert f"{option}: of a device only" in cli("new", "system", option, "1").complaint()
 
 
+SHEET = [
+    "--frequency", "1.2kHz", "--quality", "30", "--proof-mass", "0.2mg", "--frame-mass", "1mg",
+    "--gap", "4um", "--travel", "2.5um", "--pull-in", "70V", "--restitution", "0.6",
+]  # fmt: skip
+
+
 @pytest.mark.parametrize("given", [("0.4", "0.3"), ("0.4, 0.3",)])
 def test_friction_is_one_coefficient_or_two(cli, tmp_path, given):
     path = tmp_path / "two.toml"
-    sheet = "--frequency 1.2kHz --quality 30 --proof-mass 0.2mg --frame-mass 1mg --gap 4um"
-    sheet += " --travel 2.5um --pull-in 70V --restitution 0.6"
-    cli("new", "device", str(path), *sheet.split(), "--friction", *given)
+    cli("new", "device", str(path), *SHEET, "--friction", *given)
     device = mi.load_actuator(path)
     assert (device.mu_s, device.mu_d) == (0.4, 0.3)
-    again = (str(tmp_path / "none.toml"), *sheet.split(), "--friction", "0.4 0.3 0.2")
+    again = (str(tmp_path / "none.toml"), *SHEET, "--friction", "0.4 0.3 0.2")
     assert "friction" in cli("new", "device", *again).complaint()
+
+
+def test_the_first_run_of_a_device_walks(cli, tmp_path):
+    made = cli("new", "device", "mine.toml", *SHEET, "--friction", "0.3")
+    assert made.err == ""
+    statistics = mi.simulate(mi.load("mine.toml")).statistics
+    assert statistics["blows per period"] == 1.0
+    told = re.search(
+        r"one blow in a forcing period, (\S+) nm forward", Path("mine.toml").read_text()
+    )
+    assert 1e9 * statistics["displacement per period"] == pytest.approx(float(told[1]), rel=1e-3)
+
+
+def test_a_device_that_cannot_walk_is_written_with_the_reason(cli):
+    wide = ["--gap", "1um", "--travel", "0.6um", "--pull-in", "450V", "--friction", "0.3"]
+    made = cli("new", "device", "mine.toml", *SHEET, *wide)
+    assert "33 V, the breakdown of the narrowest gap" in made.err
+    assert "it walks with stiffness k = " in made.err
+    assert made.err.count("\n") == 2  # and that pull-in is above the breakdown
+    assert mi.load("mine.toml").drive.amplitude == 450.0
