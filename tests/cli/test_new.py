@@ -25,6 +25,13 @@ def test_a_device_runs_as_it_is(cli, tmp_path):
     assert "simulate mine.toml" in text
 
 
+def test_a_drawing_is_a_device_under_a_voltage(cli):
+    cli("new", "drawing", "mine.toml")
+    system = mi.load("mine.toml")
+    assert system.actuator.geometry is not None
+    assert system.drive.amplitude == 50.0
+
+
 def test_a_system_runs_as_it_is(cli):
     done = cli("new", "system", "mine.py")
     first = done.out.partition("mems-impact ")[2].split()
