@@ -6,6 +6,7 @@ import inspect
 import itertools
 import logging
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -95,10 +96,16 @@ class NoEnvironment:
         """Do nothing."""
 
 
+TANGENTS = re.compile(r"\bDual\((\d+)")  # in the names of types of dual numbers
+
+
 class _PartCompiler(Compiler):
     def define_pipelines(self) -> Any:
         codegen = self.state.targetctx.codegen()
         self.state.library = UnlinkedLibrary(codegen, self.state.func_id.func_qualname)
+        widths = map(int, TANGENTS.findall(str(self.state.args)))
+        if max(widths, default=1) > 1:  # a call would pass the tangents over the stack
+            self.state.library.largest = math.inf
         return super().define_pipelines()
 
 
