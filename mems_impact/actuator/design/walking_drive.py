@@ -38,8 +38,10 @@ MIN_AMPLITUDE_RATIO = 0.02
 ONSET_RTOL = 0.03  # relative accuracy of the amplitude from which the block strikes
 ABOVE_ONSET = (1.1, 1.2, 1.35, 1.55, 1.8)  # amplitudes that are tried, relative to the onset
 MARGIN = 0.95, 1.05  # relative amplitudes at which the device still walks
-WALK_PERIODS, MIN_PERIODS = 300, 20  # of a run near the resonance, and of any run
-ONSET_PART = 0.2  # of the length of that run, within which the block strikes above the onset
+ONSET_PERIODS = 60  # near the resonance, within which the block strikes above the onset
+WALK_PERIODS, RINGING_PERIODS = 100, 300  # of a run, and of one with a high quality factor
+RINGING = 100.0  # quality factor above which the motion settles slowly
+MIN_PERIODS = 20  # of any run
 MAX_DEVIATION = 0.1  # of the displacements of blows, relative to their mean
 MAX_SLIPPING = 0.5  # of the time, of a frame that friction stops between blows
 MIN_STEP = 1e-4  # of the frame in a period, relative to delta
@@ -159,7 +161,7 @@ def _search(actuator: Actuator) -> Walk | Failure:
 
 def _amplitudes(actuator: Actuator, ratio: float) -> Iterator[float]:
     """Yield amplitudes above the least at which the block strikes from rest."""
-    periods = _periods(ONSET_PART * ratio)
+    periods = _periods(ONSET_PERIODS, ratio)
 
     def rests(amplitude: float) -> bool:
         measured = _measured(actuator, _sine(actuator, ratio, amplitude), periods, 0)
@@ -175,14 +177,18 @@ def _amplitudes(actuator: Actuator, ratio: float) -> Iterator[float]:
 
 def _frequency_ratios(actuator: Actuator) -> tuple[Sequence[float], Sequence[float]]:
     """Return ratios of forcing frequency and resonance, in the order of the search."""
-    quality = math.sqrt(actuator.k * actuator.m2) / actuator.c if actuator.c else math.inf
+    quality = _quality(actuator)
     slow = [min(1.0, quality) * ratio for ratio in SLOW_RATIOS]
     return (slow, RESONANT_RATIOS) if quality < SLOW_FIRST else (RESONANT_RATIOS, slow)
 
 
-def _periods(ratio: float) -> int:
-    """Return the length of a run; slow drives leave no transient."""
-    return max(MIN_PERIODS, round(WALK_PERIODS * min(1.0, ratio)))
+def _quality(actuator: Actuator) -> float:
+    return math.sqrt(actuator.k * actuator.m2) / actuator.c if actuator.c else math.inf
+
+
+def _periods(resonant: int, ratio: float) -> int:
+    """Return the length of a run by that at the resonance; slow drives leave no transient."""
+    return max(MIN_PERIODS, round(resonant * min(1.0, ratio)))
 
 
 def _sine(actuator: Actuator, ratio: float, amplitude: float) -> Sine:
@@ -208,7 +214,8 @@ def _measured(actuator: Actuator, drive: Sine, periods: int, first: int) -> Stat
 
 def _stroke(actuator: Actuator, ratio: float, amplitude: float) -> Walk | Failure:
     """Return the walk of a run with one equal blow in each period of v^2."""
-    drive, periods = _sine(actuator, ratio, amplitude), _periods(ratio)
+    resonant = RINGING_PERIODS if _quality(actuator) > RINGING else WALK_PERIODS
+    drive, periods = _sine(actuator, ratio, amplitude), _periods(resonant, ratio)
     measured = _measured(actuator, drive, periods, periods // 2)
     if measured is None:
         return Failure(IRREGULAR)
