@@ -85,7 +85,7 @@ class ActuatorNumerics(HybridSystem):
     def normal_forces(self) -> Floats:
         """Return the normal force on the ground, scaled: samples of a period if it varies."""
         model, p = compose(self._kinds, self._electrodes), self.numbers().parameters
-        if not self.clamp_driven:
+        if not model.clamp_driven:
             return np.array([model.normal_force(0.0, 0.0, 0.0, p)])
         edges = [0.0, *self.source.switches, self.source.period]
         inner = [np.linspace(a, np.nextafter(b, 0.0), NORMAL_SAMPLES) for a, b in pairwise(edges)]

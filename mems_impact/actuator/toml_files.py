@@ -229,11 +229,12 @@ def read_columns(
 
 def two_columns(lines: list[str], channel: int | str | None, source: str) -> list[str]:
     """Return the lines with the first column and that of a channel."""
-    rows = [[cell for cell in _SEPARATOR.split(line) if cell] for line in lines]
-    numeric = [all(map(_is_number, row)) and len(row) > 1 for row in rows]
-    width = len(rows[numeric.index(True)]) if any(numeric) else 2
+    split = ([cell for cell in _SEPARATOR.split(line) if cell] for line in lines)
+    width = next((len(row) for row in split if len(row) > 1 and all(map(_is_number, row))), 2)
     if width == 2 and channel is None:
         return lines
+    rows = [[cell for cell in _SEPARATOR.split(line) if cell] for line in lines]
+    numeric = [len(row) > 1 and all(map(_is_number, row)) for row in rows]
     cells = [[cell.strip(" #\t\"'") for cell in re.split("[,;\t]", line)] for line in lines]
     named = [own for own, row in zip(cells, numeric, strict=True) if len(own) == width and not row]
     headings: list[str] = next((own for own in reversed(named) if all(own)), [])

@@ -357,12 +357,8 @@ def _of_file(
         kinds = ", ".join(filter(described_by_options, drive_kinds()))
         raise click.UsageError(f"--drive {path}: neither a file nor one of {kinds}")
     if path.lower().endswith(SAMPLE_SUFFIXES):
-        measured = {
-            name: file_values.pop(name) for name in ("period", "phase") if name in file_values
-        }
-        drive: Drive = Sampled.from_csv(
-            path, period=measured.get("period"), phase=measured.get("phase", 0.0)
-        )
+        period, phase = file_values.pop("period", None), file_values.pop("phase", 0.0)
+        drive: Drive = Sampled.from_csv(path, period=period, phase=phase)
     else:
         drive = load_drive(path, allow_code=allow_code)
     fields = {*drive.names, *(EQUIVALENT.keys() & type(drive).model_fields.keys())}

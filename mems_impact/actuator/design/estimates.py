@@ -7,16 +7,12 @@ Formulas are in the units of the actuator; each docstring states the simplificat
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from mems_impact._util.units import si_amount
 from mems_impact.actuator.design.static_forces import StaticForces
 from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.terms.base import drive_unit
 from mems_impact.errors import InvalidParameter
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = [
     "contact_amount",

@@ -89,9 +89,13 @@ class DrawnPart(Checked, ABC):
         """Return the kind in files: the name of the module."""
         return cls.__module__.rpartition(".")[2]
 
-    @abstractmethod
+    lines: ClassVar[tuple[str, ...]] = ("width",)
+    """Fields of the lines that the undercut narrows."""
+
     def smallest_line(self, process: Process) -> tuple[str, float]:
         """Return the field of the narrowest line, and its width after the process."""
+        name = min(self.lines, key=lambda each: float(getattr(self, each)))
+        return name, process.line(getattr(self, name))
 
     def check_lines(self, process: Process) -> None:
         """Raise InvalidParameter if the process removes a line."""
@@ -137,10 +141,6 @@ class Beams(DrawnPart):
     def beam(self, process: Process) -> Section:
         """Return one of the beams that bend, between two edges that recede."""
         return Section.of(process, process.space(self.length), process.line(self.width))
-
-    def smallest_line(self, process: Process) -> tuple[str, float]:
-        """Return the width of the beams."""
-        return "width", process.line(self.width)
 
     @abstractmethod
     def stiffness(self, process: Process) -> Finding:

@@ -50,6 +50,7 @@ class CrabLegs(Beams):
     shin_length: Positive
     shin_width: Positive
 
+    lines = ("width", "shin_width")
     units: ClassVar[Mapping[str, str]] = {
         **Beams.units, "shin_length": "m", "shin_width": "m",
     }  # fmt: skip
@@ -64,11 +65,6 @@ class CrabLegs(Beams):
     def beam(self, process: Process) -> Section:
         """Return the thigh."""
         return self.sections(process)[0]
-
-    def smallest_line(self, process: Process) -> tuple[str, float]:
-        """Return the width of the narrower beam."""
-        name = min("width", "shin_width", key=lambda each: getattr(self, each))
-        return name, process.line(getattr(self, name))
 
     def stiffness(self, process: Process) -> Finding:
         """Return the stiffness along the motion."""

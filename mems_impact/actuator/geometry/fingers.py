@@ -24,17 +24,13 @@ class Fingers(DrawnPart):
     overlap: Positive
     sides: Literal["both", "right", "left"] = "both"
 
+    lines = ("width", "overlap")
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(("length", "width", "gap", "overlap"), "m")
 
     @property
     def electrodes(self) -> int:
         """Number of electrodes with such fingers."""
         return 2 if self.sides == "both" else 1
-
-    def smallest_line(self, process: Process) -> tuple[str, float]:
-        """Return the width of the fingers, or the overlap."""
-        name = min("width", "overlap", key=lambda each: getattr(self, each))
-        return name, process.line(getattr(self, name))
 
     def mass(self, process: Process) -> float:
         """Return the mass of the fingers of the block; their tips recede as their roots do."""

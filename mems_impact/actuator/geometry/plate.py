@@ -56,6 +56,7 @@ class Plate(DrawnPart):
     hole_length: NonNegative = 0.0
     hole_width: NonNegative = 0.0
 
+    lines = ("width", "length")
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("length", "width", "hole_length", "hole_width"), "m"
     )
@@ -74,5 +75,5 @@ class Plate(DrawnPart):
 
     def smallest_line(self, process: Process) -> tuple[str, float]:
         """Return the shorter side; 0 if the holes consume the plate."""
-        name = min("width", "length", key=lambda each: getattr(self, each))
-        return name, min(process.line(getattr(self, name)), max(self.area(process), 0.0))
+        name, line = super().smallest_line(process)
+        return name, min(line, max(self.area(process), 0.0))

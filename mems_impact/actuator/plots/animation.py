@@ -113,10 +113,7 @@ def _voltages(run: ActuatorRun, samples: pd.DataFrame) -> dict[str, Any]:
     if run.system.shows_node:
         sides = zip(("right", "left"), NODES, strict=True)
         return {side: samples[name].to_numpy() for side, name in sides if name in samples}
-    volts = {"right": run.drive.value(time)}
-    if run.drive.left_voltage is not None:
-        volts["left"] = run.drive.value(time, channel="left")
-    return volts
+    return {side: run.drive.value(time, channel=side) for side in run.drive.sides}
 
 
 def _volts(run: ActuatorRun, value: float) -> str:

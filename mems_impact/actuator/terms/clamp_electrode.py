@@ -15,7 +15,7 @@ from mems_impact.actuator.terms.base import (
     TermContribution,
     drive_unit,
 )
-from mems_impact.actuator.terms.comb_drive import PERMITTIVITY, CombDrive
+from mems_impact.actuator.terms.comb_drive import PERMITTIVITY, CombDrive, check_permittivity
 from mems_impact.actuator.verilog_a_code import TermCode
 from mems_impact.errors import InvalidParameter
 
@@ -82,9 +82,7 @@ class ClampElectrode(Term):
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if a number is in other units, or the voltage is not used."""
-        if actuator.units == "dimensionless" and self.permittivity == PERMITTIVITY:
-            problem = "missing; the default is in SI, and the device is dimensionless"
-            raise InvalidParameter("clamp_electrode.permittivity", None, "", problem=problem)
+        check_permittivity(self, actuator)
         if self.follows != "nothing" and drive_unit(actuator.terms) != "V":
             problem = "the drive sets a charge, no voltage; give the clamp a constant voltage"
             raise InvalidParameter("clamp_electrode.follows", self.follows, "", problem=problem)

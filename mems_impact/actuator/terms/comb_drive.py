@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from mems_impact._util.limits import Bound
 from mems_impact.actuator.parameter_base import Positive
@@ -113,9 +113,7 @@ class CombDrive(Term):
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if the comb does not fit, or is in other units."""
         super().check_on(actuator)
-        if actuator.units == "dimensionless" and self.permittivity == PERMITTIVITY:
-            problem = "missing; the default is in SI, and the device is dimensionless"
-            raise InvalidParameter("comb_drive.permittivity", None, "", problem=problem)
+        check_permittivity(self, actuator)
 
     @classmethod
     def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
@@ -135,3 +133,10 @@ class CombDrive(Term):
     def verilog_a(self) -> TermCode:
         """Return its contributions to a Verilog-A module."""
         return TermCode(plate=_PLATE, ranges=(("comb_drive_overlap", "(0.5*(d + delta):inf)"),))
+
+
+def check_permittivity(term: Any, actuator: Device) -> None:
+    """Raise InvalidParameter if a term of a dimensionless device has the default, in SI."""
+    if actuator.units == "dimensionless" and term.permittivity == PERMITTIVITY:
+        problem = "missing; the default is in SI, and the device is dimensionless"
+        raise InvalidParameter(f"{term.name()}.permittivity", None, "", problem=problem)
