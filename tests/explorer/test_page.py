@@ -13,7 +13,7 @@ import mems_impact as mi
 from mems_impact.explorer.session import address_of, first_setting, setting_at
 from mems_impact.explorer.snapshot import series_states, take_snapshot
 from tests.explorer.conftest import LONG
-from tests.explorer.subjects import own
+from tests.explorer.subjects import DRIVE, own
 from tests.explorer.subjects import zhao as zhao2004
 
 pytestmark = pytest.mark.slow
@@ -136,7 +136,8 @@ class Page:
 
 @pytest.fixture(scope="module")
 def zhao(served):
-    return served("zhao2004")
+    options = (f"--{name}={value}" for name, value in DRIVE.items())
+    return served("zhao2004", *options)
 
 
 @pytest.fixture(scope="module")
