@@ -14,7 +14,13 @@ from typing import Any, NamedTuple
 from mems_impact._util.files import file_path, opened
 from mems_impact._util.formatting import shown
 from mems_impact._util.quantities import QuantityError, base_powers, magnitude
-from mems_impact._util.text_tables import decoded, with_points
+from mems_impact._util.text_tables import (
+    UNIT_WORDS,
+    decoded,
+    number_of,
+    with_points,
+    with_times,
+)
 from mems_impact.errors import InvalidFile, InvalidParameter
 
 __all__ = [
@@ -101,7 +107,6 @@ def execute_code(path: Path, request: CodeRequest) -> ModuleType:
 
 _SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
 _BEGINS_AS_NUMBER = re.compile(r"[\W_]*\d|[\W_]+[,;\t\s].*\d")
-_SAMPLE_NUMBER_HEADINGS = {"start", "increment"}  # headings of a record with sample numbers
 _MAX_TABLE_BYTES = 50_000_000  # bytes
 _MAX_NESTING = 20  # levels of nested tables; a burst within a burst takes one more
 _NAME = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+"""
@@ -175,9 +180,8 @@ def read_columns(
     Columns are separated by comma, semicolon, tab or blanks; beside other separators, commas may be
     decimal commas. Of a file with further columns, `channel` is the last one of two, by its heading
     or by its number, 1 after the times. Lines that begin with # are skipped,
-    as are headings and settings of an oscilloscope above the numbers. Some oscilloscopes write
-    settings in three columns before the numbers of the first lines. A line above the numbers with
-    as many cells is an error if it begins with a digit.
+    as are headings and settings of an oscilloscope above the numbers, or beside the first of them. A
+    line above the numbers with as many cells is an error if it begins with a digit.
 
     With `units`, the SI units that each column may have, numbers are converted to SI if a heading
     or comment above them has their units, such as "time [ms]", "(mV)" or "x/um".
@@ -189,6 +193,7 @@ def read_columns(
     factors = [1.0] * count
     above = True
     lines = with_points([line.strip() for line in decoded(raw).splitlines()])
+    lines = with_times(lines, source)
     if units and count == 2:
         lines = two_columns(lines, channel, source)
     for number, line in enumerate(lines, start=1):
@@ -196,15 +201,10 @@ def read_columns(
             factors = _heading_factors(line, units, factors, f"line {number}", source)
         if not line or line.startswith("#"):
             continue
-        if line[0].isalpha():
-            line = _after_setting(line, count)
         cells = [cell for cell in _SEPARATOR.split(line) if cell]
-        values = [_number(cell) for cell in cells]
+        values = [number_of(cell) for cell in cells]
         above = above and (not values or values[0] is None)
         if above:
-            if _SAMPLE_NUMBER_HEADINGS.issubset(cell.lower() for cell in cells):
-                reason = f"by line {number} the first column counts samples"
-                raise InvalidFile(source, reason, "multiply it by the increment in that line")
             if len(cells) == count and _BEGINS_AS_NUMBER.match(line):
                 reason = f"line {number} holds {shown(cells[0])}, which is not a number"
                 raise InvalidFile(source, reason, "correct it, or begin a heading with #")
@@ -264,11 +264,6 @@ def scaled_once(value: float, factor: float) -> float:
 _IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 _AT_THE_END = re.compile(r"(?:^|[/_\s])([^\s/_]+)$")
 _HEADING = re.compile(r"[^\s\[(]*\s*[\[(][^\])]*[\])]|\S+")
-_UNIT_WORDS = {
-    "seconds": "s", "second": "s", "sec": "s", "volts": "V", "volt": "V",
-    "milli": "m", "micro": "u", "nano": "n", "pico": "p", "kilo": "k",
-}  # fmt: skip
-"""Units and prefixes in words, as oscilloscopes write them."""
 
 
 def _heading_factors(
@@ -298,7 +293,7 @@ def _heading_factor(cell: str, allowed: Sequence[str], location: str, source: st
     if match is None:
         return None
     unit = match[1]
-    for word, short in _UNIT_WORDS.items():
+    for word, short in UNIT_WORDS.items():
         unit = re.sub(word, short, unit, flags=re.IGNORECASE)
     for allowed_unit in allowed:
         try:
@@ -315,23 +310,5 @@ def _heading_factor(cell: str, allowed: Sequence[str], location: str, source: st
     return None
 
 
-def _after_setting(line: str, count: int) -> str:
-    """Return a line without name, value and unit of a setting before the numbers."""
-    name, *others = [cell.strip() for cell in re.split("[,;\t]", line)]
-    numbers = others[2 : 2 + count]
-    is_setting = bool(name) and _number(name) is None and len(numbers) == count
-    if is_setting and all(map(_is_number, numbers)) and not any(others[2 + count :]):
-        return ",".join(numbers)
-    return line
-
-
 def _is_number(cell: str) -> bool:
-    return _number(cell) is not None
-
-
-def _number(cell: str) -> float | None:
-    """Return a number, which may have quotes and the sign U+2212; None for a text."""
-    try:
-        return float(cell.strip("\"'").replace("\N{MINUS SIGN}", "-"))
-    except ValueError:
-        return None
+    return number_of(cell) is not None

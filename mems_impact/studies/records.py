@@ -18,7 +18,13 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.limits import UNLIMITED, Limits
-from mems_impact._util.text_tables import decoded, even_times, with_points
+from mems_impact._util.text_tables import (
+    decoded,
+    even_times,
+    with_headings,
+    with_points,
+    with_times,
+)
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.run_derivatives import INITIAL, RunDerivatives
 from mems_impact.analysis.simulate import simulate
@@ -189,7 +195,8 @@ class Record(Measurement):
     Parameters
     ----------
     samples : DataFrame or path, optional
-        A column ``t``, strictly ascending, and columns of states and observables.
+        A column ``t``, strictly ascending, and columns of states and observables. In a file of an
+        instrument the first column is ``t``.
     events : DataFrame or path, optional
         A column ``t``, a column ``event`` with names as in `Run.events`, which impacts on a single
         stopper do not need, and states after the event or observables. It may lack events of the
@@ -212,6 +219,9 @@ class Record(Measurement):
     free : sequence of str, optional
         Free quantities that this record does not share with others.
     name : str, optional
+    columns : mapping of str to str, optional
+        States and observables by the headings that an instrument writes, such as ``{"CH1": "x2"}``;
+        other columns are left out.
 
     See Also
     --------
@@ -238,12 +248,13 @@ class Record(Measurement):
     transient: int | None = None
     free: Sequence[str] = ()
     name: str = ""
+    columns: Mapping[str, str] | None = None
 
     def __post_init__(self) -> None:
         if self.samples is None and self.events is None:
             raise InvalidParameter("samples", None, "", problem="missing, or events")
         for field in ("samples", "events"):
-            object.__setattr__(self, field, table_of(field, getattr(self, field)))
+            object.__setattr__(self, field, table_of(field, getattr(self, field), self.columns))
         object.__setattr__(self, "free", tuple(self.free))
 
     @classmethod
@@ -267,20 +278,27 @@ class Record(Measurement):
         ]
 
 
-def table_of(field: str, data: Any) -> Any:
-    """Return the table of a file or a DataFrame, with units in its attributes."""
+def table_of(field: str, data: Any, columns: Mapping[str, str] | None = None) -> Any:
+    """Return the table of a file or a DataFrame, with units in its attributes.
+
+    With `columns`, new names by headings, the other columns are left out.
+    """
     import pandas as pd
 
     if isinstance(data, str | PathLike):
         try:
             lines = with_points(decoded(Path(data).read_bytes()).splitlines())
-            first = next((i for i, line in enumerate(lines) if HEADING.search(line)), 0)
+            first = next((i for i, line in enumerate(lines) if HEADING.search(line)), None)
+            if first is None:
+                first, lines = 0, with_headings(with_times(lines, str(data)))
             separator = max(",;\t", key=lines[first].count) if lines else ","
             text = StringIO("\n".join(lines[first:]))
             data = pd.read_csv(text, sep=separator, skipinitialspace=True)
             even = even_times(data[TIME]) if TIME in data and EVENT not in data else None
             if even is not None:
                 data[TIME] = even.times
+        except InvalidFile:
+            raise
         except (OSError, ValueError) as error:
             raise InvalidFile(data, f"is no table: {error}", "give a CSV file") from None
     if data is None:
@@ -288,6 +306,15 @@ def table_of(field: str, data: Any) -> Any:
     if not isinstance(data, pd.DataFrame):
         raise InvalidParameter(field, data, "a DataFrame, or the path of a CSV file")
     table = without_units(data)
+    if columns is not None:
+        names = {TIME: TIME, EVENT: EVENT, **columns}
+        for heading in set(columns) - set(table.columns):
+            raise InvalidParameter(
+                "columns", heading, f"one of {', '.join(map(str, table.columns))}"
+            )
+        units = table.attrs.get("units", {})
+        table = table[[each for each in table.columns if each in names]].rename(columns=names)
+        table.attrs["units"] = {names[each]: unit for each, unit in units.items() if each in names}
     if TIME not in table:
         raise InvalidParameter(field, list(table.columns), "a table with a column t")
     if table.empty:
@@ -406,7 +433,9 @@ class RecordComparison(Comparison):
         chosen = [str(each) for each in table.columns if each not in (TIME, EVENT, *LOCATING)]
         for column in chosen:
             if column not in known:
-                allowed = f"t, event or one of {', '.join(known)}"
+                allowed = (
+                    f"t, event or one of {', '.join(known)}; else give columns={{'{column}': …}}"
+                )
                 raise InvalidParameter(f"column of {field}{self._label}", column, allowed)
         if not at_events and not chosen:
             allowed = f"a table with columns of {', '.join(known)}"

@@ -200,24 +200,6 @@ def test_tables_far_within_tables(folder, load, text):
     assert "\n" not in str(caught.value)
 
 
-OSCILLOSCOPES = {
-    "settings above": "x-axis,1\nsecond,Volt\n-1e-3,0\n0,1\n1e-3,0.5\n",
-    "a table of segments": "LECROY,12345,Waveform\nSegments,1,SegmentSize,3\n#1,19-Nov-2012,0\n"
-    "Time,Ampl\n-0.001,0\n0,1\n0.001,0.5\n",
-    "analog": "Record Length,Analog:3\n\nSource,CH1\nSecond,Value\n-0.001,0\n0,1\n0.001,0.5\n",
-    "settings beside": "Record Length,3,,-0.001,0,\nTrigger Point,1.25e3,Samples,0,1,\n"
-    ",,,0.001,0.5,\n",
-}
-
-
-@pytest.mark.parametrize("text", OSCILLOSCOPES.values(), ids=OSCILLOSCOPES)
-def test_a_record_of_an_oscilloscope(folder, text):
-    (folder / "scope.csv").write_text(text)
-    drive = mi.load("scope.csv")
-    assert drive.times == (-0.001, 0.0, 0.001)
-    assert drive.voltages == (0.0, 1.0, 0.5)
-
-
 COMMAS = {
     "semicolons": "Zeit [ms];Spannung [V]\n-1,0;0,00\n0,0;1,25\n1,0;0,50\n",
     "tabs": "Kanal\tA\nZeit [ms]\tSpannung [V]\n-1,0\t0,00\n0,0\t1,25\n1,0\t0,50\n",
@@ -291,7 +273,6 @@ def test_units_in_headings_apply(folder, heading, time, volt):
     ("text", "words"),
     [
         ("time [ms], current [mA]\n0,0\n1,1\n2,0\n", "line 1 has the unit mA for numbers in V"),
-        ("X,CH1,Start,Increment\nSequence,V,-1e-3,1e-3\n0,0\n1,1\n2,0\n", "counts samples"),
         ("", "no line begins with a number"),
         ("0 0\n1 1\n", "a list of 3"),
         ("0 0\n1 x\n2 0", "line 2 holds 'x'"),
