@@ -179,9 +179,9 @@ def read_columns(
 
     Columns are separated by comma, semicolon, tab or blanks; beside other separators, commas may be
     decimal commas. Of a file with further columns, `channel` is the last one of two, by its heading
-    or by its number, 1 after the times. Lines that begin with # are skipped,
-    as are headings and settings of an oscilloscope above the numbers, or beside the first of them. A
-    line above the numbers with as many cells is an error if it begins with a digit.
+    or by its number, 1 after the times. Lines that begin with # are skipped, as are headings and
+    settings of an oscilloscope above the numbers, or beside the first of them. A line above the
+    numbers with as many cells is an error if it begins with a digit.
 
     With `units`, the SI units that each column may have, numbers are converted to SI if a heading
     or comment above them has their units, such as "time [ms]", "(mV)" or "x/um".
