@@ -56,6 +56,7 @@ from .actuator.geometry.clamped_beams import ClampedBeams as ClampedBeams
 from .actuator.geometry.plate import Plate as Plate
 from .actuator.geometry.comb_fingers import CombFingers as CombFingers
 from .actuator.geometry.gap_closing_fingers import GapClosingFingers as GapClosingFingers
+from .actuator.geometry.plate_electrode import PlateElectrode as PlateElectrode
 
 # Voltages
 # Waveforms, each with its forcing period (:doc:`drives`).

@@ -34,7 +34,7 @@ DRIVE = mi.Sine(amplitude=30, frequency="4 kHz")
 
 def geometry(**changes):
     block = mi.Plate(length="400 um", width="100 um")
-    given = {"springs": FOLDED, "block": block, "fingers": COMB, "travel": "5 um"}
+    given = {"springs": FOLDED, "block": block, "electrodes": COMB, "travel": "5 um"}
     return mi.Geometry(**{**PROCESS, **given, **changes})
 
 
@@ -257,7 +257,7 @@ def test_capacitance_of_fingers_is_that_of_their_field(width, front, back, rtol)
     else:
         fingers = mi.GapClosingFingers(**sizes, overlap="50 um", back_gap=back * UM)
         length = 50 * UM
-    made = device(fingers=fingers, travel="0.5 um")
+    made = device(electrodes=fingers, travel="0.5 um")
     expected = 10 * length * 8.8541878188e-12 * field
     assert made.datasheet["capacitance"] == pytest.approx(expected, rel=rtol)
     plates = 25.0 / front + 25.0 / (back or front)
@@ -269,7 +269,7 @@ def test_capacitance_of_fingers_is_that_of_their_field(width, front, back, rtol)
 
 def test_films_of_gap_closing_fingers():
     """Reynolds' equation by differences in the rectangle between two fingers."""
-    made = device(fingers=GAPS, travel="4 um", substrate_gap=None, free_path_pressure=0.0)
+    made = device(electrodes=GAPS, travel="4 um", substrate_gap=None, free_path_pressure=0.0)
     n, m = 40, 120
     dx, dy = 25 * UM / n, 76.5 * UM / m
 
@@ -292,6 +292,122 @@ def test_films_of_gap_closing_fingers():
     assert strip == pytest.approx(damping, rel=2e-3)
     assert made.c == pytest.approx(damping * (5.0 / 8.0) ** 3, rel=2e-3)
     assert device(viscosity=0).c == 0.0
+
+
+@pytest.mark.parametrize(
+    ("side", "gap", "thickness", "rtol"),
+    [(2.0, 2.0, 2.0, 0.05), (4.0, 1.0, 15.0, 0.07), (6.0, 2.0, 2.0, 0.1), (4.0, 4.0, 2.0, 0.2)],
+)
+def test_film_below_a_plate_with_holes(side, gap, thickness, rtol):
+    """Reynolds' equation by differences around 8 times 8 holes of a pitch of 10 um."""
+    count, cell, pitch, viscosity = 8, 20, 10.0, 1.82e-5
+    made = device(
+        thickness=thickness * UM, free_path_pressure=0.0, travel="0.5 um",
+        springs=mi.ClampedBeams(count=4, length="100 um", width="8 um"),
+        block=mi.Plate(
+            length="80 um", width="80 um", holes=64, hole_length=side * UM, hole_width=side * UM
+        ),
+        electrodes=mi.PlateElectrode(length="80 um", width="80 um", gap=gap * UM),
+    )  # fmt: skip
+    film = made.term("squeeze_film")
+    strip = film.length / film.width  # its ends matter little
+    alone = 1.0 - 0.63 / strip
+    damping = made.c + viscosity * film.length * film.width**3 * alone / (gap * UM) ** 3
+
+    place = np.arange(count * cell)
+    edge = round(0.5 * (cell - side / pitch * cell))
+    inside = (place % cell >= edge) & (place % cell < cell - edge)
+    hole = inside[:, None] & inside
+    number = np.full(hole.shape, -1)
+    solid = int((~hole).sum())
+    number[~hole] = np.arange(solid)
+    number[hole] = solid + ((place // cell)[:, None] * count + place // cell)[hole]
+    size = solid + count * count
+    flow = (gap * UM) ** 3 / (12.0 * viscosity)  # between neighbours, by their pressures
+    diagonal = np.zeros(size)
+    pairs = []
+    for axis in (0, 1):
+        first, second = np.delete(number, -1, axis).ravel(), np.delete(number, 0, axis).ravel()
+        apart = first != second
+        first, second = first[apart], second[apart]
+        weight = np.where(np.maximum(first, second) >= solid, 2.0 * flow, flow)
+        for one in (first, second):
+            np.add.at(diagonal, one, weight)
+        pairs.append(coo_array((weight, (first, second)), shape=(size, size)))
+    for side_of_plate in (number[0], number[-1], number[:, 0], number[:, -1]):
+        np.add.at(diagonal, side_of_plate, 2.0 * flow)
+    radius = 0.547 * side * UM
+    pipe = 8.0 * viscosity * (thickness * UM + 0.375 * math.pi * radius) / (math.pi * radius**4)
+    diagonal[solid:] += 1.0 / pipe
+    area = np.bincount(number.ravel(), minlength=size) * (pitch / cell * UM) ** 2
+    links = pairs[0] + pairs[1]
+    pressure = spsolve((diags_array(diagonal) - links - links.T).tocsc(), area)
+    assert damping == pytest.approx(pressure @ area, rel=rtol)
+
+
+# --- Motion out of the plane
+
+ABOVE = {
+    "thickness": "2 um", "travel": "1.5 um", "undercut": "0.1 um", "free_path_pressure": 0.0,
+    "springs": mi.ClampedBeams(count=4, length="100 um", width="8 um"),
+    "block": mi.Plate(length="200 um", width="150 um"),
+    "electrodes": mi.PlateElectrode(length="180 um", width="130 um", gap="2.5 um", spread="220 um"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("springs", ["clamped_beams", "folded_beams"])
+def test_beams_bend_out_of_the_plane(springs):
+    """As plane frames of beams as deep as the layer; trusses may turn."""
+    kind = mi.ClampedBeams if springs == "clamped_beams" else mi.FoldedBeams
+    made = device(**{**ABOVE, "springs": kind(count=4, length="100 um", width="8 um")})
+    length, breadth = 100.2, 7.8
+    if springs == "clamped_beams":
+        stiffness, mass = frame(
+            [(0, 0), (0, length)], [(0, 1, 2.0)], [*CLAMP, (1, 1), (1, 2)], (1, 0)
+        )
+    else:
+        nodes, beams = [(0, 0), (0, length), (0, 0)], [(0, 1, 2.0), (1, 2, 2.0)]
+        stiffness, mass = frame(nodes, beams, [*CLAMP, (2, 1), (2, 2)], (2, 0))
+    assert made.k == pytest.approx(4 * stiffness * 169e9 * breadth * UM, rel=1e-9)
+    suspended = finding(made, "mass of the suspension")
+    assert suspended == pytest.approx(4 * mass * 2330 * breadth * UM**3, rel=1e-9)
+
+
+def test_a_plate_above_its_electrode():
+    made = device(**ABOVE)
+    assert (made.d, made.delta) == pytest.approx((2.5 * UM, 1.5 * UM), rel=1e-12)
+    area = 179.8 * 129.8 * UM**2
+    assert made.alpha == pytest.approx(0.5 * 8.8541878188e-12 * area)
+    film = made.term("squeeze_film")
+    assert (film.length, film.width) == pytest.approx((199.8 * UM, 149.8 * UM))
+    assert made.c == 0.0
+    stretching = made.term("cubic_stiffness")
+    positions = np.linspace(0.0, made.delta, 20_001)
+    spring = made.k * positions + stretching.k3 * positions**3
+    volts = np.sqrt(spring / made.alpha) * (made.d - positions)
+    assert mi.pull_in_voltage(made) == pytest.approx(volts.max(), rel=1e-7)
+    thicker = made.changed(**{"geometry.thickness": "2.2 um"})
+    assert thicker.k / made.k == pytest.approx(1.1**3)
+    with pytest.raises(mi.InvalidParameter, match="crab legs would twist"):
+        device(**{**ABOVE, "springs": CRAB})
+
+
+def test_a_plate_wider_than_its_springs_tilts():
+    narrow = ABOVE["electrodes"].replace(spread="100 um")
+    with pytest.warns(mi.ValidityWarning, match="electrode by the spread of the springs"):
+        device(**{**ABOVE, "electrodes": narrow})
+
+
+def test_a_liquid_in_the_gaps():
+    dry, wet = (
+        device(electrodes=GAPS, travel="4 um"),
+        device(electrodes=GAPS, travel="4 um", relative_permittivity=80.0),
+    )
+    assert wet.datasheet["capacitance"] == pytest.approx(80 * dry.datasheet["capacitance"])
+    assert mi.pull_in_voltage(wet) == pytest.approx(mi.pull_in_voltage(dry) / 80**0.5)
+    assert device(relative_permittivity=80.0).datasheet["capacitance"] == pytest.approx(
+        80 * device().datasheet["capacitance"]
+    )
 
 
 # --- Process
@@ -333,7 +449,7 @@ def test_measured_numbers_keep_their_place():
         length=2e-4, width=1e-4, pressure=1e2, viscosity=1.82e-5, free_path_pressure=6.7e-3
     )
     own = mi.Actuator.from_design(
-        geometry=geometry(fingers=GAPS, travel="4 um"), terms=[film], **REST
+        geometry=geometry(electrodes=GAPS, travel="4 um"), terms=[film], **REST
     )
     assert own.term("squeeze_film") == film
     assert own.without("tabulated_capacitance").changed(**change).geometry.undercut == 1e-7
@@ -359,7 +475,7 @@ def test_an_undercut_is_fitted_to_a_voltage():
 
 
 def test_files_and_copies(tmp_path):
-    made = device(fingers=GAPS, travel="4 um", undercut="0.2 um")
+    made = device(electrodes=GAPS, travel="4 um", undercut="0.2 um")
     assert mi.Actuator.from_design(**made.datasheet) == made
     path = tmp_path / "device.mi"
     run = mi.simulate(made, DRIVE, periods=2)
@@ -385,7 +501,7 @@ def test_files_and_copies(tmp_path):
         [geometry.block]
         length = "400 um"
         width = "100 um"
-        [geometry.fingers]
+        [geometry.electrodes]
         kind = "comb_fingers"
         count = 60
         length = "40 um"
@@ -445,7 +561,7 @@ def test_warnings_where_the_model_ends():
     found = messages(lambda: device(springs=soft, travel="12 um").under(high))
     assert any("side instability at the stopper" in each for each in found)
     slender = GAPS.replace(width=2.5 * UM)
-    found = messages(lambda: device(fingers=slender, travel="4 um").under(high))
+    found = messages(lambda: device(electrodes=slender, travel="4 um").under(high))
     assert any("bending of fingers" in each for each in found)
     plate = mi.load_actuator("mita2003")
     found = messages(lambda: plate.under(mi.Sine(amplitude=250, frequency="100 Hz")))
@@ -488,7 +604,7 @@ def test_stroke_of_a_comb_drive_before_it_snaps_to_a_side():
     def excess(stroke):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", mi.ValidityWarning)
-            made = device(thickness="50 um", springs=springs, fingers=comb, travel=stroke)
+            made = device(thickness="50 um", springs=springs, electrodes=comb, travel=stroke)
             volts = mi.resting_voltage(made)
         return volts / finding(made, "side instability at the stopper") - 1.0
 

@@ -44,7 +44,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
     )
     fingers = mi.GapClosingFingers(count=9, length=4e-5, width=3e-6, gap=2e-6, overlap=2e-5)
     drawing = mi.Geometry(
-        **process, springs=beams[0], block=(mi.Plate(length=1e-3, width=1e-3),), fingers=fingers,
+        **process, springs=beams[0], block=(mi.Plate(length=1e-3, width=1e-3),), electrodes=fingers,
         travel=1e-6,
     )  # fmt: skip
     assert_type(drawing.thickness, float)

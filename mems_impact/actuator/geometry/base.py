@@ -48,6 +48,10 @@ class Process(Checked):
     viscosity: NonNegative = 1.82e-5
     pressure: Positive = 101325.0
     free_path_pressure: NonNegative = 6.7e-3
+    relative_permittivity: Positive = 1.0
+
+    vertical: ClassVar[bool] = False
+    """Whether the block moves out of the plane of the layer."""
 
     units: ClassVar[Mapping[str, str]] = {
         "thickness": "m",
@@ -73,6 +77,16 @@ class Process(Checked):
     def mass(self, area: float) -> float:
         """Return the mass of an area."""
         return self.density * self.thickness * area
+
+    @property
+    def permittivity(self) -> float:
+        """Permittivity of the medium in the gaps [F/m]."""
+        return PERMITTIVITY * self.relative_permittivity
+
+    def squeezed_viscosity(self, gap: float) -> float:
+        """Return the viscosity of a squeezed film, with rarefaction."""
+        knudsen = self.free_path_pressure / self.pressure / gap
+        return self.viscosity / (1.0 + 9.638 * knudsen**1.159)
 
     def sliding_viscosity(self, gap: float) -> float:
         """Return the viscosity of a sheared film, with slip at both walls."""
@@ -115,10 +129,10 @@ class DrawnPart(Checked, ABC):
 
 
 class Section(NamedTuple):
-    """A beam after the process: length, width, flexural and axial rigidity."""
+    """A beam after the process: length, depth along the motion, flexural and axial rigidity."""
 
     length: float
-    width: float
+    depth: float
     bending: float
     stretching: float
 
@@ -126,11 +140,16 @@ class Section(NamedTuple):
     def of(cls, process: Process, length: float, width: float) -> Section:
         """Return the section of a beam of these sizes."""
         area, modulus = process.thickness * width, process.youngs_modulus
-        return cls(length, width, modulus * area * width * width / 12.0, modulus * area)
+        depth = process.thickness if process.vertical else width
+        return cls(length, depth, modulus * area * depth * depth / 12.0, modulus * area)
+
+    def mass(self, process: Process) -> float:
+        """Return the mass of the beam."""
+        return process.density / process.youngs_modulus * self.stretching * self.length
 
 
 class Beams(DrawnPart):
-    """Base of suspensions of beams that bend in the plane."""
+    """Base of suspensions of beams that bend along the motion."""
 
     count: Positive
     length: Positive

@@ -73,8 +73,7 @@ class ClampedBeams(Beams):
 
     def mass(self, process: Process) -> Finding:
         """Return the share of the beams."""
-        length, width, _, _ = self.beam(process)
-        mass = GUIDED_MASS * self.count * process.mass(length * width)
+        mass = GUIDED_MASS * self.count * self.beam(process).mass(process)
         return Finding("mass of the suspension", mass, "kg", "13/35 beams", "Rayleigh's quotient")
 
     def side_stiffness(self, process: Process, deflection: float) -> Finding:
@@ -88,9 +87,9 @@ class ClampedBeams(Beams):
 
     def stress(self, process: Process, deflection: float) -> Finding:
         """Return the stress of bending, stretching and process at the ends of the beams."""
-        length, width, _, _ = self.beam(process)
+        length, depth, _, _ = self.beam(process)
         stretch = 0.6 * deflection**2 if self.axially == "held" else 0.0
-        strain = (3.0 * width * deflection + stretch) / length**2
+        strain = (3.0 * depth * deflection + stretch) / length**2
         return Finding(
             "stress at the stopper",
             process.youngs_modulus * strain + self._residual_stress(process),

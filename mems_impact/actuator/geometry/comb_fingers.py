@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
-from mems_impact.actuator.geometry.base import PERMITTIVITY, Finding, Process
+from mems_impact.actuator.geometry.base import Finding, Process
 from mems_impact.actuator.geometry.breakdown import breakdown
 from mems_impact.actuator.geometry.fingers import Fingers, line_capacitance
 from mems_impact.actuator.parameter_base import Positive
@@ -76,7 +76,8 @@ class CombFingers(Fingers):
         return CombDrive(
             fingers=self.count,
             gap=gap,
-            thickness=gap * line_capacitance(process, gap, width) / PERMITTIVITY,
+            thickness=gap * line_capacitance(process, gap, width) / process.permittivity,
+            permittivity=process.permittivity,
             overlap=process.line(self.overlap),
             sides=self.sides,
         )
@@ -88,7 +89,9 @@ class CombFingers(Fingers):
     def damping(self, process: Process) -> Finding:
         """Return the damping of the sheared gas between the fingers."""
         gap = process.space(self.gap)
-        area = 2.0 * self.electrodes * self.count * process.thickness * process.line(self.overlap)
+        area = (
+            2.0 * self.electrode_count * self.count * process.thickness * process.line(self.overlap)
+        )
         return Finding(
             "damping between fingers", process.sliding_viscosity(gap) * area / gap, "N s/m",
             "viscosity/(1 + 2 Kn) area/gap", "Veijola, Turowski (2001)",
@@ -98,7 +101,7 @@ class CombFingers(Fingers):
     def findings(self, process: Process, travel: float, side_stiffness: float) -> Iterator[Finding]:
         """Yield the slope of the capacitance, and the voltage of the side instability."""
         comb = self.comb(process)
-        slope = 2.0 * comb.fingers * PERMITTIVITY * comb.thickness / comb.gap
+        slope = 2.0 * comb.fingers * process.permittivity * comb.thickness / comb.gap
         yield Finding(
             "slope of the capacitance", slope, "F/m", f"2 count permittivity (t/g + {EDGES})",
             "Schwarz-Christoffel map", "t > g; no substrate",
@@ -106,7 +109,7 @@ class CombFingers(Fingers):
         area = comb.fingers * process.thickness * (comb.overlap + travel)
         yield Finding(
             "side instability at the stopper",
-            math.sqrt(0.5 * side_stiffness * comb.gap**3 / (PERMITTIVITY * area)), "V",
+            math.sqrt(0.5 * side_stiffness * comb.gap**3 / (process.permittivity * area)), "V",
             "v^2 = k_side g^3/(2 count permittivity t (overlap + x))",
             "Legtenberg et al. (1996)", "centred fingers",
         )  # fmt: skip

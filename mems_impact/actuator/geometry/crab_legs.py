@@ -79,8 +79,8 @@ class CrabLegs(Beams):
         thigh, shin = self.sections(process)
         turn = rotation(thigh, shin)
         swing = turn * thigh.length
-        thighs = process.mass(thigh.length * thigh.width)
-        shins = process.mass(shin.length * shin.width)
+        thighs = thigh.mass(process)
+        shins = shin.mass(process)
         share = (GUIDED_MASS + 13.0 / 210.0 * swing + swing**2 / 105.0) * thighs
         share += (turn * shin.length) ** 2 / 105.0 * shins
         return Finding(
@@ -100,10 +100,10 @@ class CrabLegs(Beams):
     def stress(self, process: Process, deflection: float) -> Finding:
         """Return the bending stress of the thighs at the block."""
         thigh, shin = self.sections(process)
-        length, width, _, _ = thigh
+        length, depth, _, _ = thigh
         curvature = (6.0 - 2.0 * rotation(thigh, shin) * length) * deflection / length**2
         return Finding(
-            "stress at the stopper", 0.5 * process.youngs_modulus * width * curvature, "Pa",
+            "stress at the stopper", 0.5 * process.youngs_modulus * depth * curvature, "Pa",
             "E w (6 - 2 turn L) x/(2 L^2)", "beam theory", "no notch", process.strength,
         )  # fmt: skip
 

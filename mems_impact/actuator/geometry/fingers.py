@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, Literal
 
-from mems_impact.actuator.geometry.base import PERMITTIVITY, DrawnPart, Finding, Process
+from mems_impact.actuator.geometry.base import DrawnPart, Finding, Process
 from mems_impact.actuator.parameter_base import Positive
 from mems_impact.actuator.terms.base import Term
 
@@ -26,16 +26,17 @@ class Fingers(DrawnPart):
 
     lines = ("width", "overlap")
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(("length", "width", "gap", "overlap"), "m")
+    vertical: ClassVar[bool] = False
 
     @property
-    def electrodes(self) -> int:
+    def electrode_count(self) -> int:
         """Number of electrodes with such fingers."""
         return 2 if self.sides == "both" else 1
 
     def mass(self, process: Process) -> float:
         """Return the mass of the fingers of the block; their tips recede as their roots do."""
         area = self.length * process.line(self.width)
-        return self.electrodes * self.count * process.mass(area)
+        return self.electrode_count * self.count * process.mass(area)
 
     @abstractmethod
     def block_gap(self, process: Process) -> float:
@@ -65,4 +66,4 @@ def line_capacitance(process: Process, gap: float, width: float) -> float:
     """
     ratio = 1.0 + width / gap
     edge = (ratio + 1.0) * math.log(ratio + 1.0) - (ratio - 1.0) * math.log(ratio - 1.0)
-    return PERMITTIVITY * (process.thickness / gap + edge / math.pi)
+    return process.permittivity * (process.thickness / gap + edge / math.pi)

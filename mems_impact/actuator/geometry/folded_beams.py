@@ -61,8 +61,7 @@ class FoldedBeams(Beams):
 
     def mass(self, process: Process) -> Finding:
         """Return the share of beams and trusses."""
-        length, width, _, _ = self.beam(process)
-        beams = 2.0 * self.count * process.mass(length * width)
+        beams = 2.0 * self.count * self.beam(process).mass(process)
         return Finding(
             "mass of the suspension",
             12.0 / 35.0 * beams + 0.25 * process.mass(self.truss_area),
@@ -80,9 +79,9 @@ class FoldedBeams(Beams):
 
     def stress(self, process: Process, deflection: float) -> Finding:
         """Return the bending stress at the ends of the beams."""
-        length, width, _, _ = self.beam(process)
+        length, depth, _, _ = self.beam(process)
         return Finding(
             "stress at the stopper",
-            1.5 * process.youngs_modulus * width * deflection / length**2,
+            1.5 * process.youngs_modulus * depth * deflection / length**2,
             "Pa", "3 E w x/(2 L^2)", "beam theory", "no notch", process.strength,
         )  # fmt: skip

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from mems_impact.actuator.geometry.base import PERMITTIVITY, Finding, Process
+from mems_impact.actuator.geometry.base import Finding, Process
 from mems_impact.actuator.geometry.breakdown import breakdown
 from mems_impact.actuator.geometry.fingers import Fingers, line_capacitance
+from mems_impact.actuator.geometry.squeezed_films import (
+    Film,
+    rectangle_damping,
+    squeeze_film,
+)
 from mems_impact.actuator.parameter_base import Positive
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.squeeze_film import SqueezeFilm
@@ -21,7 +26,6 @@ __all__ = ["GapClosingFingers"]
 
 POINTS = 41  # of the table of the capacitance
 FLAT = 1e-5  # relative slope of the table per point where the back gap would pull more
-SERIES = (1, 3, 5, 7)  # orders of the pressure of a rectangular film
 BENT = 0.1  # deflection of a tip relative to the gap, above which a finger is not rigid
 
 
@@ -101,18 +105,8 @@ class GapClosingFingers(Fingers):
         return max(sides), min(sides)
 
     def _film(self, process: Process) -> SqueezeFilm:
-        length, width = self._sides_of_film(process)
-        strip = self.count * length * openness(width / length)
-        strip += width * (1.0 - openness(0.5)) / 0.5  # the ends of the strip itself
-        sides: Literal["right", "both"] = "both" if self.sides == "both" else "right"
-        return SqueezeFilm(
-            length=strip,
-            width=width,
-            pressure=process.pressure,
-            viscosity=process.viscosity,
-            free_path_pressure=process.free_path_pressure,
-            sides=sides,
-        )
+        film = Film(*self._sides_of_film(process), self.count)
+        return squeeze_film(process, [film], "both" if self.sides == "both" else "right")
 
     def terms(self, process: Process, travel: float) -> tuple[Term, ...]:
         """Return the terms of capacitance and film."""
@@ -121,10 +115,8 @@ class GapClosingFingers(Fingers):
 
     def _damping_in(self, process: Process, gap: float) -> float:
         """Return the damping of the films of one electrode at a gap, open above and below."""
-        length, width = self._sides_of_film(process)
-        knudsen = process.free_path_pressure / process.pressure / gap
-        viscosity = process.viscosity / (1.0 + 9.638 * knudsen**1.159)
-        return self.count * viscosity * length * width**3 * openness(width / length) / gap**3
+        each = rectangle_damping(*self._sides_of_film(process)) / gap**3
+        return self.count * process.squeezed_viscosity(gap) * each
 
     def _closure(self, process: Process, gap: float) -> float:
         """Return the factor of the damping by a substrate that hinders the flow below."""
@@ -142,7 +134,7 @@ class GapClosingFingers(Fingers):
             back = process.space(self.back_gap)
             value += self._closure(process, back) * self._damping_in(process, back)
         return Finding(
-            "damping of back gaps and substrate", self.electrodes * value, "N s/m",
+            "damping of back gaps and substrate", self.electrode_count * value, "N s/m",
             "squeezed films, times (4 g^3 w + 2 h^3 t)/(g^3 w + 2 h^3 t)",
             "Bao, Yang (2007); Rauf et al. (2022)", "at rest",
         )  # fmt: skip
@@ -156,7 +148,7 @@ class GapClosingFingers(Fingers):
             "Schwarz-Christoffel map", "t > g; no substrate",
         )  # fmt: skip
         yield Finding(
-            "damping in front gaps at rest", self.electrodes * self._damping_in(process, gap),
+            "damping in front gaps at rest", self.electrode_count * self._damping_in(process, gap),
             "N s/m", "count viscosity L t^3 (1 - 0.63 t/L)/gap^3", "Bao, Yang (2007)",
             "slow motion; flow above and below",
         )  # fmt: skip
@@ -164,13 +156,7 @@ class GapClosingFingers(Fingers):
         pressure = process.youngs_modulus * BENT * remaining / (1.5 * slenderness**3 * self.length)
         yield Finding(
             "bending of fingers at the stopper",
-            remaining * math.sqrt(2.0 * pressure / PERMITTIVITY), "V",
+            remaining * math.sqrt(2.0 * pressure / process.permittivity), "V",
             "q L^4/(8 E I) = gap/10, q = permittivity t v^2/(2 gap^2)", "beam theory",
         )  # fmt: skip
         yield breakdown(remaining)
-
-
-def openness(ratio: float) -> float:
-    """Return the damping of a rectangular film by that of a strip; `ratio` is width by length."""
-    ends = sum(math.tanh(0.5 * math.pi * n / ratio) / n**5 for n in SERIES)
-    return 1.0 - 192.0 / math.pi**5 * ratio * ends

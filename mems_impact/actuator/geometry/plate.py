@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
 from pydantic import model_validator
 
 from mems_impact.actuator.geometry.base import DrawnPart, Process
+from mems_impact.actuator.geometry.squeezed_films import Film, film_below
 from mems_impact.actuator.parameter_base import NonNegative, Positive
 from mems_impact.errors import InvalidParameter
 
@@ -72,6 +74,13 @@ class Plate(DrawnPart):
         outer = process.line(self.length) * process.line(self.width)
         hole = process.space(self.hole_length) * process.space(self.hole_width)
         return self.count * (outer - self.holes * hole)
+
+    def film(self, process: Process, gap: float) -> Film:
+        """Return the films below the plates, with holes as square as their area."""
+        sides = process.line(self.length), process.line(self.width)
+        hole = process.space(self.hole_length) * process.space(self.hole_width)
+        film = film_below(process, gap, sides, self.holes, math.sqrt(hole) if self.holes else 0.0)
+        return film._replace(count=self.count, holes=self.count * film.holes)
 
     def smallest_line(self, process: Process) -> tuple[str, float]:
         """Return the shorter side; 0 if the holes consume the plate."""
