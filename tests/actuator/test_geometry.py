@@ -395,7 +395,7 @@ def test_a_plate_above_its_electrode():
 def test_a_plate_wider_than_its_springs_tilts():
     narrow = ABOVE["electrodes"].replace(spread="100 um")
     with pytest.warns(mi.ValidityWarning, match="electrode by the spread of the springs"):
-        device(**{**ABOVE, "electrodes": narrow})
+        device(**{**ABOVE, "electrodes": narrow}).under(DRIVE)
 
 
 def test_a_liquid_in_the_gaps():

@@ -41,6 +41,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.CrabLegs(count=4, length=3e-4, width=3e-6, shin_length=1e-4, shin_width=3e-6),
         mi.ClampedBeams(count=4, length=3e-4, width=3e-6),
         mi.CombFingers(count=9, length=4e-5, width=3e-6, gap=2e-6, overlap=2e-5, tip_gap=2e-5),
+        mi.PlateElectrode(length=1e-4, width=1e-4, gap=2e-6),
     )
     fingers = mi.GapClosingFingers(count=9, length=4e-5, width=3e-6, gap=2e-6, overlap=2e-5)
     drawing = mi.Geometry(

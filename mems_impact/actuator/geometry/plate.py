@@ -80,7 +80,7 @@ class Plate(DrawnPart):
         sides = process.line(self.length), process.line(self.width)
         hole = process.space(self.hole_length) * process.space(self.hole_width)
         film = film_below(process, gap, sides, self.holes, math.sqrt(hole) if self.holes else 0.0)
-        return film._replace(count=self.count, holes=self.count * film.holes)
+        return film._replace(number=self.count, holes=self.count * film.holes)
 
     def smallest_line(self, process: Process) -> tuple[str, float]:
         """Return the shorter side; 0 if the holes consume the plate."""

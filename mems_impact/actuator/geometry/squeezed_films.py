@@ -23,7 +23,7 @@ class Film(NamedTuple):
 
     length: float
     width: float
-    count: float = 1.0
+    number: float = 1.0
     holes: float = 0.0
 
 
@@ -73,8 +73,8 @@ def squeeze_film(
     """Return one film with the damping of all: the only one, or a strip of the widest."""
     widest = max(films, key=lambda each: each.width)
     length, width = widest.length, widest.width
-    if len(films) > 1 or widest.count != 1.0:
-        total = sum(each.count * rectangle_damping(each.length, each.width) for each in films)
+    if len(films) > 1 or widest.number != 1.0:
+        total = sum(each.number * rectangle_damping(each.length, each.width) for each in films)
         length = total / width**3 + width * (2.0 - rectangle_damping(2.0, 1.0))
     return SqueezeFilm(
         length=max(length, width),
