@@ -1,27 +1,24 @@
-"""Build hook: machine code of the event loop and the methods, in wheels and editable installs."""
+"""Build hook: a wheel with machine code of the event loop and the methods.
+
+It is an option: ``HATCH_BUILD_HOOK_ENABLE_CUSTOM=true python -m build --wheel``.
+"""
 
 import os
 import subprocess
 import sys
+from importlib.metadata import version as version_of
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
 class PrecompilationHook(BuildHookInterface):
-    """Compile what depends on no system, so that the first run does not wait for it.
-
-    Without it, for example if numba cannot be installed for the build, the first run compiles.
-    """
+    """Compile what depends on no system, so that the first run does not wait for it."""
 
     def initialize(self, version, build_data):  # noqa: D102
-        command = [sys.executable, "-m", "mems_impact.hybrid.precompilation"]
-        if version != "editable":
-            command.append("--distribute")  # the wheel may be installed on another processor
+        command = [sys.executable, "-m", "mems_impact.hybrid.precompilation", "--distribute"]
         paths = os.pathsep.join([self.root, *filter(None, [os.environ.get("PYTHONPATH")])])
-        try:
-            subprocess.run(command, env={**os.environ, "PYTHONPATH": paths}, check=True)
-        except subprocess.CalledProcessError as error:
-            self.app.display_warning(f"the first run will compile the event loop: {error}")
-            return
+        subprocess.run(command, env={**os.environ, "PYTHONPATH": paths}, check=True)
         build_data["artifacts"].append("mems_impact/integrators/jit/precompiled/*.code")
         build_data["pure_python"], build_data["infer_tag"] = False, True
+        # Other versions of numba would not find the code.
+        build_data["dependencies"].append(f"numba=={version_of('numba')}")

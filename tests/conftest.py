@@ -1,6 +1,8 @@
 """Settings of all tests."""
 
 import gc
+import subprocess
+import sys
 from collections import Counter
 
 import pytest
@@ -13,6 +15,13 @@ settings.load_profile("busy")
 # Collecting and compiling make many objects that stay. With Python's thresholds the garbage
 # collector scans them so often that it takes a tenth of the processor time.
 gc.set_threshold(50_000, 20, 50)
+
+
+def pytest_configure(config):
+    """Compile the event loop once for all workers."""
+    is_worker = hasattr(config, "workerinput")
+    if not is_worker and getattr(config.option, "numprocesses", None):
+        subprocess.run([sys.executable, "-m", "mems_impact.hybrid.precompilation"], check=True)
 
 
 @pytest.hookimpl(tryfirst=True)  # before cases are selected by their marks

@@ -1,7 +1,8 @@
-"""Compilation of the event loop and the methods when the package is installed.
+"""Compilation of the event loop and the methods before their first use.
 
-``python -m mems_impact.hybrid.precompilation`` compiles for this processor; ``--distribute``
-compiles for all instruction sets of a wheel (`mems_impact.integrators.jit.machine_code`).
+``python -m mems_impact.hybrid.precompilation`` compiles into the cache of this machine;
+``--distribute`` compiles into the package, for all instruction sets of a wheel
+(`mems_impact.integrators.jit.machine_code`).
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ DECAY = Automaton(
     stiff=True,
 )
 START = HybridState(0, 0.0, 0, np.ones(1))
-DISTRIBUTE = "--distribute"
+DISTRIBUTE, RECORD = "--distribute", "--record"
 
 
 def decay(method: str) -> Problem:
@@ -85,41 +86,52 @@ def compile_attractors() -> None:
     exponents.advance_exponents()
 
 
-# Of about the same time each: an editable install compiles one beside the other.
+# Of about the same time each: one is compiled beside the other.
 PARTS = {"orbits": compile_orbits, "attractors": compile_attractors}
 
 
-def replace_code(distribute: bool) -> None:
-    """Replace the code of the installation, in several processes.
+def compile_side_by_side(*tasks: tuple[Sequence[str], dict[str, str]]) -> None:
+    """Compile parts in several processes; a task has arguments of this command and variables.
 
     Raises
     ------
     CalledProcessError
-        If it cannot be compiled.
+        If a part cannot be compiled.
     """
+
+    def compile_task(task: tuple[Sequence[str], dict[str, str]]) -> None:
+        command = [sys.executable, "-m", "mems_impact.hybrid.precompilation", *task[0]]
+        subprocess.run(command, env={**os.environ, **task[1]}, check=True)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(compile_task, tasks))
+
+
+def fill_cache() -> None:
+    """Compile into the cache of this machine."""
+    compile_side_by_side(*(([part], {}) for part in PARTS))
+
+
+def replace_code() -> None:
+    """Replace the code in the package by code for all instruction sets of a wheel."""
     for file in machine_code.DIRECTORY.glob("*.code"):
         file.unlink()
-    names = machine_code.instruction_sets()
-
-    def compile_set(instruction_set: str, *parts: str) -> None:
-        subprocess.run(
-            [sys.executable, "-m", "mems_impact.hybrid.precompilation", *parts],
-            env={**os.environ, "NUMBA_CPU_NAME": instruction_set, "NUMBA_CPU_FEATURES": ""},
-            check=True,
+    compile_side_by_side(
+        *(
+            ([RECORD, *PARTS], {"NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": ""})
+            for name in machine_code.instruction_sets()
         )
-
-    tasks = [(name, *PARTS) for name in names] if distribute else [(names[0], p) for p in PARTS]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(compile_set, *zip(*tasks, strict=True)))
+    )
 
 
 def main(options: Sequence[str]) -> None:
-    """Replace the code, or compile some parts for one instruction set."""
+    """Fill the cache or replace the code of the package, or compile some parts."""
     parts = [option for option in options if option in PARTS]
     if not parts:
-        replace_code(DISTRIBUTE in options)
+        replace_code() if DISTRIBUTE in options else fill_cache()
         return
-    machine_code.record()
+    if RECORD in options:
+        machine_code.record()
     for part in parts:
         PARTS[part]()
 

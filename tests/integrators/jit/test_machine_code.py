@@ -197,11 +197,9 @@ def test_a_first_run_compiles_the_automaton_only(tmp_path):
             check=True,
         )
 
-    first = go(machine_code.DIRECTORY)
-    if numba_support.LOOP_NOTICE in first.stderr:  # not installed so, or edited since
-        (name, *_) = machine_code.instruction_sets()
-        go(tmp_path / "code", "record", NUMBA_CPU_NAME=name, NUMBA_CPU_FEATURES="")
-        first = go(tmp_path / "code")
+    (name, *_) = machine_code.instruction_sets()
+    go(tmp_path / "code", "record", NUMBA_CPU_NAME=name, NUMBA_CPU_FEATURES="")
+    first = go(tmp_path / "code")
     assert numba_support.LOOP_NOTICE not in first.stderr
     assert numba_support.SYSTEM_NOTICE in first.stderr
     here = run(precompilation.decay("dop853"), precompilation.START, 1.0)
