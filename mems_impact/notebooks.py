@@ -9,12 +9,15 @@ from __future__ import annotations
 import base64
 import sys
 from functools import partial
+from io import BytesIO
 from importlib import import_module
 from typing import Any
 
 from mems_impact.errors import MemsImpactError
 
 __all__ = ["PICTURES", "register"]
+
+DPI = 120  # of a picture
 
 PICTURES = {
     ("analysis.run", "Run"): "plot_run",
@@ -42,6 +45,8 @@ def register() -> None:
     session = ipython.get_ipython() if ipython is not None else None
     if session is None:
         return
+    if hasattr(session, "kernel"):  # a notebook, which shows the figures of pyplot
+        import matplotlib.pyplot  # noqa: F401
     formatter = session.display_formatter.formatters["text/html"]
     for (module, name), drawn_by in PICTURES.items():
         show = partial(with_picture, drawn_by=drawn_by)
@@ -64,5 +69,9 @@ def with_picture(result: Any, drawn_by: str) -> str:
     except MemsImpactError:  # a run without stored events, an empty branch
         return table
     axes = drawn if hasattr(drawn, "figure") else next(iter(drawn))
-    data = base64.b64encode(axes.figure._repr_png_()).decode("ascii")
+    picture = BytesIO()
+    axes.figure.savefig(picture, format="png", dpi=DPI)
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close(axes.figure)  # which would show it once more
+    data = base64.b64encode(picture.getvalue()).decode("ascii")
     return f'{table}\n<img alt="{drawn_by}" src="data:image/png;base64,{data}">'

@@ -70,3 +70,26 @@ def test_every_class_is_there_and_drawn_by_a_public_function(formatter):
 def test_without_a_session_nothing_is_reported(monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: None))
     notebooks.register()
+
+
+CELLS = (
+    "import mems_impact as mi\n"
+    "run = mi.simulate(mi.load_actuator('zhao2004'), mi.Sine(amplitude=0.24, omega=0.5), 3)",
+    "run",
+    "ax = mi.plot_run(run)",
+)
+
+
+@pytest.mark.slow
+def test_an_executed_notebook_shows_each_picture_once():
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    pytest.importorskip("ipykernel")
+    notebook = nbformat.v4.new_notebook(cells=list(map(nbformat.v4.new_code_cell, CELLS)))
+    nbclient.NotebookClient(notebook, timeout=300).execute()
+    _, result, figure = (
+        [dict(each.get("data", {})) for each in cell.outputs] for cell in notebook.cells
+    )
+    assert len(result) == 1
+    assert "data:image/png;base64," in result[0]["text/html"]
+    assert len(figure) == 1
+    assert "image/png" in figure[0]

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib import import_module
 from time import monotonic, thread_time
 from types import SimpleNamespace
 from typing import Any, Protocol
@@ -14,21 +13,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.formatting import class_name
-from mems_impact._util.warning_scopes import warn
-from mems_impact.errors import (
-    EngineFallbackWarning,
-    EngineUnavailable,
-    FunctionError,
-    FunctionsMissing,
-)
+from mems_impact.errors import FunctionError, FunctionsMissing
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.availability import engine_class, is_compiled
 from mems_impact.integrators.interface import Equations
-from mems_impact.integrators.options import FOLDERS, Options
+from mems_impact.integrators.options import Options
 
 __all__ = ["LoopMemory", "create_engine"]
 
@@ -147,8 +140,7 @@ def create_engine(problem: Problem, columns: int = 0) -> EngineBinding:
     Raises
     ------
     EngineUnavailable
-        If engine="compiled" and the compiled engine is unavailable. With engine="auto" the
-        interpreted engine replaces it, with an `EngineFallbackWarning`.
+        If the interpreted engine needs scikit-sundae, and it is not installed.
     FunctionError
         If a function cannot be compiled. Later calls raise it if a function fails.
     FunctionsMissing
@@ -180,47 +172,9 @@ def create_engine(problem: Problem, columns: int = 0) -> EngineBinding:
             jacobian_memory=jacobian_memory(n, count),
         )
     max_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
-    if options.engine in ("auto", "compiled"):
-        try:
-            return _compiled(automaton, equations, available_options(options), max_step)
-        except EngineUnavailable as error:
-            if options.engine == "compiled":
-                raise
-            message = f"{error}; falling back to the interpreted engine, which is far slower"
-            warn(message, EngineFallbackWarning)
+    if is_compiled(options):
+        return _compiled(automaton, equations, options, max_step)
     return _interpreted(automaton, equations, options, max_step)
-
-
-def is_compiled(options: Options) -> bool:
-    """Return whether runs with a problem's `options` are compiled, and release the GIL."""
-    if options.engine == "interpreted":
-        return False
-    try:
-        _module("compiled", available_options(options)).prepare()
-    except EngineUnavailable:
-        return False
-    return True
-
-
-def available_options(options: Options) -> Options:
-    """Return the options, with method "dop853" in place of "auto" if BDF is unavailable."""
-    if options.method == "auto":
-        try:
-            _module("compiled", options).prepare()
-        except EngineUnavailable:
-            return replace(options, method="dop853")
-    return options
-
-
-def _module(form: str, options: Options) -> Any:
-    """Import the "compiled" or "interpreted" module of the method."""
-    return import_module(f"mems_impact.integrators.{FOLDERS[str(options.method)]}.{form}")
-
-
-def _engine_class(form: str, options: Options) -> Any:
-    """Return the class of an engine, such as `CompiledCvode` in ``cvode/compiled.py``."""
-    name = class_name(f"{form}_{FOLDERS[str(options.method)]}")
-    return getattr(_module(form, options), name)
 
 
 def _compiled(
@@ -229,10 +183,8 @@ def _compiled(
     from mems_impact.hybrid.event_loop import compiled
     from mems_impact.integrators.jit.kernels import observables_of, tangents_of
 
-    module = _module("compiled", options)
-    module.prepare()
     try:
-        engine = _engine_class("compiled", options)(equations, options, max_step)
+        engine = engine_class(options)(equations, options, max_step)
     except Exception as error:  # numba raises various exceptions
         if equations.jacobian is not None:  # the flow may refuse numbers with tangents
             return _compiled(automaton, replace(equations, jacobian=None), options, max_step)
@@ -315,7 +267,7 @@ def _raise_fault(engine: Any, automaton: Automaton) -> None:
 def _interpreted(
     automaton: Automaton, equations: Equations, options: Options, max_step: float
 ) -> EngineBinding:
-    engine = _engine_class("interpreted", options)(equations, options, max_step)
+    engine = engine_class(options)(equations, options, max_step)
 
     def call(function: Callable[..., Any], *arguments: Any) -> Any:
         result = function(engine, *arguments)

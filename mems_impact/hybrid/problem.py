@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact.errors import (
-    InvalidParameter,
-)
+from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.availability import available_options
 from mems_impact.integrators.options import Options
 
 __all__ = ["Problem", "ProblemParameters", "Section", "check_times"]
@@ -60,7 +59,8 @@ class Problem:
     section : tuple (component, level, direction) or None
         Record crossings of ``y[component] = level``; direction 0 for both.
     options : Options
-        Integration options. The default is a method that suits the automaton.
+        Integration options. The default is a method that suits the automaton; another method or
+        engine replaces one that this machine lacks.
     time_scale : float or None
         Time that resolves the forcing and the vector field; the period by default.
     unavailable_reason : str
@@ -93,7 +93,10 @@ class Problem:
     def __post_init__(self) -> None:
         if not isinstance(self.options, Options):
             raise InvalidParameter("options", self.options, "Options(…)")
-        object.__setattr__(self, "options", self.options.suited(self.automaton.stiff))
+        options = self.options.suited(self.automaton.stiff)
+        if not self.unavailable_reason:
+            options = available_options(options)
+        object.__setattr__(self, "options", options)
         check_times(self.numbers, forced=self.automaton.forced)
 
     def with_time_unit(self, period: float) -> Problem:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
 from inspect import signature
-from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -33,23 +33,6 @@ __all__ = [
     "thickness",
     "wearing",
 ]
-
-# --- Figure
-
-NOTEBOOK_DPI = 120  # in a notebook
-
-
-class ShownFigure(Figure):
-    """A figure that a notebook displays with or without pyplot.
-
-    A notebook displays matplotlib's own figures only after pyplot has been used.
-    """
-
-    def _repr_png_(self) -> bytes:
-        picture = BytesIO()
-        self.savefig(picture, format="png", dpi=NOTEBOOK_DPI)
-        return picture.getvalue()
-
 
 # --- Style sheet and colours
 
@@ -235,7 +218,9 @@ def inches(panels: float, rows: float = 0.0) -> float:
 
 
 def new_figure(panels: float = 1.0, rows: float = 0.0) -> Any:
-    """Return an empty figure with the width of the style, without pyplot.
+    """Return an empty figure with the width of the style.
+
+    Where pyplot is in use, pyplot makes the figure, so that ``plt.show()`` and notebooks show it.
 
     Parameters
     ----------
@@ -245,7 +230,9 @@ def new_figure(panels: float = 1.0, rows: float = 0.0) -> Any:
     from matplotlib import rcParams
 
     size = (rcParams["figure.figsize"][0], inches(panels, rows))
-    return ShownFigure(figsize=size, layout="constrained")
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    create = Figure if pyplot is None else pyplot.figure
+    return create(figsize=size, layout="constrained")
 
 
 def given_axes(ax: Any, count: int, each: str) -> list[Any]:

@@ -22,7 +22,7 @@ from mems_impact.analysis.attractor import (
     map_attractors,
 )
 from mems_impact.errors import FunctionError, InvalidParameter
-from mems_impact.hybrid.engine import is_compiled
+from mems_impact.integrators.availability import is_compiled
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.study import STATUS, Columns, Study, row_label
 from mems_impact.systems.base import HybridSystem

@@ -27,8 +27,8 @@ from mems_impact.errors import (
     MemsImpactError,
     RunError,
 )
-from mems_impact.hybrid.engine import is_compiled
 from mems_impact.hybrid.simulation import INSTANT_RTOL
+from mems_impact.integrators.availability import is_compiled
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import OK, STATUS, Columns, Study

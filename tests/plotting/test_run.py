@@ -146,12 +146,14 @@ def test_panels_do_not_lie_over_each_other_without_impacts(tmp_path):
 
 
 @pytest.mark.slow
-def test_pyplot_is_left_alone():
+def test_pyplot_makes_figures_where_it_is_in_use():
     code = (
         "import sys, mems_impact as mi\n"
         "run = mi.simulate(mi.load_actuator('zhao2004'), mi.Sine(amplitude=.2, omega=.5), 1,"
         " options=mi.Options(engine='interpreted', method='dop853', rtol=1e-6))\n"
         "mi.plot_run(run), mi.plot_run(run, states=['v2']), mi.animate(run, per_period=4)\n"
-        "assert 'matplotlib.pyplot' not in sys.modules"
+        "assert 'matplotlib.pyplot' not in sys.modules\n"
+        "import matplotlib.pyplot as plt\n"
+        "assert mi.plot_run(run).figure is plt.gcf()"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,8 +1,8 @@
 """CVODE through SUNDIALS' C interface, with callbacks compiled by numba.
 
 Every function of SUNDIALS that this package calls is declared here, once, with its C signature.
-scikit-sundae's wheels contain SUNDIALS as shared libraries with hashed names; opening the extension
-module that links to them makes the dynamic loader resolve all symbols.
+scikit-sundae's wheels contain SUNDIALS as shared libraries with hashed names; on Linux and macOS
+opening the extension module that links to them makes the dynamic loader resolve all symbols.
 
 In Python the functions are ctypes functions (`load`). In code compiled by numba they are external
 symbols (`symbol`), whose addresses LLVM receives under a prefixed name. Compiled code contains no
@@ -16,11 +16,14 @@ from __future__ import annotations
 
 import ctypes
 import math
+import os
 import sys
 import weakref
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import find_spec, module_from_spec
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,13 +104,13 @@ SYMBOL_PREFIX = "mems_impact_"
 
 
 @cache
-def load() -> ctypes.CDLL:
+def load() -> SimpleNamespace:
     """Open SUNDIALS, check it, and give every function its signature.
 
     Returns
     -------
-    ctypes.CDLL
-        With the functions of `SIGNATURES` declared; their addresses are known to LLVM.
+    SimpleNamespace
+        With the functions of `SIGNATURES`; their addresses are known to LLVM.
 
     Raises
     ------
@@ -119,28 +122,53 @@ def load() -> ctypes.CDLL:
 
     check_numba()
     try:
+        libraries = [ctypes.CDLL(str(file)) for file in _library_files()]
         config = _build_config()
-        library = ctypes.CDLL(str(_extension("_cy_cvode").origin))
     except (ImportError, AttributeError, OSError) as error:
         raise EngineUnavailable(
             f"scikit-sundae's CVODE can't be opened: {error}", LIBRARY_REMEDY
         ) from error
     check(config)
-    addresses = {}
+    functions = SimpleNamespace()
     for name, (result, arguments) in SIGNATURES.items():
-        try:
-            function = getattr(library, name)
-        except AttributeError as error:
-            reason = f"SUNDIALS' {name} can't be found: {error}"
-            raise EngineUnavailable(reason, LIBRARY_REMEDY) from error
+        function = next((f for each in libraries if (f := getattr(each, name, None))), None)
+        if function is None:
+            files = ", ".join(each._name for each in libraries)
+            raise EngineUnavailable(f"SUNDIALS' {name} is not in {files}", LIBRARY_REMEDY)
         function.restype, function.argtypes = result, arguments
-        addresses[name] = ctypes.cast(function, ctypes.c_void_p).value
+        setattr(functions, name, function)
 
     import llvmlite.binding as llvm
 
-    for name, location in addresses.items():
-        llvm.add_symbol(SYMBOL_PREFIX + name, location)
-    return library
+    for name, function in vars(functions).items():
+        llvm.add_symbol(SYMBOL_PREFIX + name, ctypes.cast(function, ctypes.c_void_p).value)
+    return functions
+
+
+def _library_files() -> list[Path]:
+    """Return the files that contain SUNDIALS' functions, or link to them.
+
+    Linux and macOS find the functions through the extension module, whatever the libraries are
+    called. On Windows each library has functions of its own.
+    """
+    libraries = (file for folder in _dll_folders() for file in folder.glob("*sundials*.dll"))
+    return [Path(str(_extension("_cy_cvode").origin)), *sorted(libraries)]
+
+
+@cache
+def _dll_folders() -> list[Path]:
+    """Return the folders of SUNDIALS' DLLs, from now on known to the loader; none but on Windows.
+
+    The wheel contains one; conda has a package of its own for SUNDIALS.
+    """
+    package = find_spec("sksundae")
+    if sys.platform != "win32" or package is None:
+        return []
+    wheel = Path(str(package.origin)).parents[1] / "scikit_sundae.libs"
+    folders = [each for each in (wheel, Path(sys.prefix) / "Library" / "bin") if each.is_dir()]
+    for folder in folders:
+        os.add_dll_directory(str(folder))
+    return folders
 
 
 def _extension(name: str) -> ModuleSpec:
@@ -158,6 +186,7 @@ def _extension(name: str) -> ModuleSpec:
 
 def _build_config() -> dict[str, str]:
     """Return how scikit-sundae's SUNDIALS was built."""
+    _dll_folders()
     spec = _extension("_cy_common")
     module = sys.modules.get(spec.name)
     if module is None:

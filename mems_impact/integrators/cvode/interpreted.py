@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact.errors import EngineUnavailable
 from mems_impact.integrators import interface
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.options import Options
@@ -127,7 +128,11 @@ class InterpretedCvode(Functions):
         """Do nothing: the longest step of a solver cannot be changed."""
 
     def _create_solver(self, share: float, flight_time: float) -> None:
-        from sksundae.cvode import CVODE  # imports scipy.optimize
+        try:
+            from sksundae.cvode import CVODE  # imports scipy.optimize
+        except ImportError as error:
+            reason, remedy = f"CVODE cannot be imported: {error}", "use method 'dop853' or 'auto'"
+            raise EngineUnavailable(reason, remedy) from error
 
         # A solver's tolerances cannot be changed.
         self._share = share

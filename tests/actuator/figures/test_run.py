@@ -41,10 +41,6 @@ def test_run_on_too_many_axes_or_too_few(run, panels):
         mi.plot_run(run, ax=Figure().subplots(panels))
 
 
-def test_a_notebook_shows_the_figure_without_pyplot(run):
-    assert mi.plot_run(run).figure._repr_png_().startswith(b"\x89PNG")
-
-
 def test_run_without_impacts(tmp_path):
     block, frame = mi.plot_run(mi.simulate(ZHAO, DRIVE.replace(amplitude=0.1), 3)).figure.axes
     assert len(block.patches) == 0

@@ -9,7 +9,9 @@ import textwrap
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -82,11 +84,16 @@ def unavailable(monkeypatch):
 
 
 @pytest.mark.usefixtures("unavailable")
-def test_auto_falls_back_with_one_warning():
+@pytest.mark.parametrize(
+    ("method", "replacement"),
+    [("adams", {"method": "dop853"}), ("bdf", {"method": "bdf", "engine": "interpreted"})],
+)
+def test_another_method_or_engine_replaces_it_with_one_warning(method, replacement):
     with pytest.warns(EngineFallbackWarning, match="version 9") as caught:
-        run = simulate(BALL, ball(0.5), [1.0, 0.0], 0.5, engine="auto")
+        run = simulate(BALL, ball(0.5), [1.0, 0.0], 0.5, engine="auto", method=method)
     assert len(caught) == 1
-    direct = simulate(BALL, ball(0.5), [1.0, 0.0], 0.5, engine="interpreted")
+    assert {name: getattr(run.problem.options, name) for name in replacement} == replacement
+    direct = simulate(BALL, ball(0.5), [1.0, 0.0], 0.5, **replacement)
     assert same(run.events, direct.events)
 
 
@@ -219,3 +226,35 @@ def test_an_interrupt_ends_a_long_run_and_keeps_it(engine):
         finally:
             process.kill()
         assert "Interrupted: run interrupted after" in errors
+
+
+# Libraries of SUNDIALS in the wheels of scikit-sundae, by platform: Linux and macOS find them
+# through the extension module, on Windows this package opens them by these names.
+LIBRARIES = {
+    "manylinux_2_28_x86_64": "scikit_sundae.libs/libsundials*",
+    "macosx_11_0_arm64": "sksundae/.dylibs/libsundials*",
+    "macosx_11_0_x86_64": "sksundae/.dylibs/libsundials*",
+    "win_amd64": "scikit_sundae.libs/*sundials*.dll",
+}
+
+
+@pytest.mark.slow(all=True)
+@pytest.mark.parametrize("platform", LIBRARIES)
+def test_wheels_of_other_platforms_export_every_function(platform, tmp_path):
+    lief = pytest.importorskip("lief")
+    command = ["download", "-q", "--no-deps", "--only-binary=:all:", "--platform", platform]
+    requirement = f"scikit-sundae=={version('scikit-sundae')}"
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", *command, "--dest", str(tmp_path), requirement],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        pytest.skip(f"no package index, or no wheel: {done.stderr.splitlines()[-1]}")
+    (wheel,) = tmp_path.glob("*.whl")
+    with ZipFile(wheel) as archive:
+        archive.extractall(tmp_path)
+    files = sorted(tmp_path.glob(LIBRARIES[platform]))
+    exported = {
+        f.name.removeprefix("_") for each in files for f in lief.parse(each).exported_functions
+    }
+    assert set(library.SIGNATURES) - exported == set()
