@@ -9,8 +9,8 @@ from __future__ import annotations
 import base64
 import sys
 from functools import partial
-from io import BytesIO
 from importlib import import_module
+from io import BytesIO
 from typing import Any
 
 from mems_impact.errors import MemsImpactError
