@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -18,6 +18,7 @@ from mems_impact import tables as sweep_tables
 from mems_impact._util.arrays import Floats
 from mems_impact._util.progress import Watch
 from mems_impact._util.warning_scopes import at_study_point
+from mems_impact.analysis.attractor import STUDY_OPTIONS
 from mems_impact.analysis.run import Run, check_direction
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.steady_state import steady_state
@@ -83,7 +84,7 @@ class SweepStudy(Study):
     length: float
     section: int
     steady: bool = False
-    options: Options = field(default_factory=Options)
+    options: Options = STUDY_OPTIONS
 
     kind: ClassVar[str] = "sweep"
 
@@ -391,7 +392,7 @@ def sweep(
     section: Literal[1, -1, 0] = 1,
     steady: bool = False,
     initial: State | Mapping[str, State] | None = None,
-    options: Options = Options(),  # noqa: B008 - immutable
+    options: Options = STUDY_OPTIONS,
     store: str | os.PathLike[str] | None = None,
     executor: Executor | Callable[[], Executor] | None = None,
     workers: int | None = None,
@@ -429,6 +430,7 @@ def sweep(
         the sweep down with a kick (see `kicked_state`), so that both attractors appear in a
         bistable range.
     options : Options, optional
+        Options of integration; method "auto" by default.
     store : str or os.PathLike, optional
         Directory in which finished values are stored; an interrupted or killed sweep resumes from
         it.
