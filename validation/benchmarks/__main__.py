@@ -67,9 +67,9 @@ def main() -> None:
         for row in TOPICS[topic](arguments.quick):
             print(report.line(row), flush=True)
             rows.append(row)
-    conditions["load at the end"] = load()
-    conditions["minutes"] = f"{(time.time() - begin) / 60.0:.0f}"
-    report.write(rows, conditions, arguments.output)
+        conditions["load at the end"] = load()
+        conditions["minutes"] = f"{(time.time() - begin) / 60.0:.0f}"
+        report.write(rows, conditions, arguments.output)
     missed = [row for row in rows if row.met == "NO"]
     print(f"{len(missed)} of {sum(bool(row.target) for row in rows)} targets missed")
     print(f"wrote {arguments.output}")

@@ -73,7 +73,7 @@ def _loop(size: int) -> None:
 def maps(quick: bool) -> Iterator[Row]:
     """The map that the documentation shows, on a coarser grid."""
     yield from _beside_a_loop(*((8, 3) if quick else (16, 7)))
-    yield from _on_workers(*((24, 3) if quick else (48, 7)))
+    yield from _on_workers(*((16, 3) if quick else (24, 5)))
 
 
 def _beside_a_loop(size: int, rounds: int) -> Iterator[Row]:
