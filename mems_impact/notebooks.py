@@ -46,7 +46,10 @@ def register() -> None:
     if session is None:
         return
     if hasattr(session, "kernel"):  # a notebook, which shows the figures of pyplot
-        import matplotlib.pyplot  # noqa: F401
+        from matplotlib import pyplot
+
+        # Loaded within a style, the backend would forget that it is interactive.
+        pyplot.switch_backend(pyplot.get_backend())
     formatter = session.display_formatter.formatters["text/html"]
     for (module, name), drawn_by in PICTURES.items():
         show = partial(with_picture, drawn_by=drawn_by)
