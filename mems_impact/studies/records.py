@@ -221,7 +221,7 @@ class Record(Measurement):
     name : str, optional
     columns : mapping of str to str, optional
         States and observables by the headings that an instrument writes, such as ``{"CH1": "x2"}``;
-        other columns are left out.
+        other columns are omitted.
 
     See Also
     --------
@@ -281,7 +281,7 @@ class Record(Measurement):
 def table_of(field: str, data: Any, columns: Mapping[str, str] | None = None) -> Any:
     """Return the table of a file or a DataFrame, with units in its attributes.
 
-    With `columns`, new names by headings, the other columns are left out.
+    With `columns`, new names by headings, the other columns are omitted.
     """
     import pandas as pd
 

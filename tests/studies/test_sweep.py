@@ -13,6 +13,7 @@ from mems_impact.studies import sweep
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
 SHORT = {"transient": 10, "periods": 4}
+AUTO = mi.Options(method="auto")
 
 
 def swept(values=(0.2, 0.22, 0.24), parameter="amplitude", **arguments):
@@ -81,7 +82,7 @@ def test_table(hysteresis):
 
 def test_step_and_speed_are_those_of_the_runs():
     table = swept((0.24,), initial=mi.State(v2=1.0))
-    run = mi.simulate(ZHAO, DRIVE, 14, initial=mi.State(v2=1.0), window=(10, 14))
+    run = mi.simulate(ZHAO, DRIVE, 14, initial=mi.State(v2=1.0), window=(10, 14), options=AUTO)
     for name in ("displacement per period", "displacement per impact", "mean speed"):
         assert set(table[name]) == {run.statistics[name]}
     assert run.statistics["displacement per impact"] > 0.0
@@ -110,8 +111,9 @@ def test_interpreted():
 
 def test_every_value_starts_from_the_last_state():
     table = swept((0.22, 0.24), initial=mi.State(v2=1.0), section=0)
-    first = mi.simulate(ZHAO, DRIVE.replace(amplitude=0.22), 14, initial=mi.State(v2=1.0))
-    second = mi.simulate(ZHAO, DRIVE, 14, initial=first.final)
+    start = mi.State(v2=1.0)
+    first = mi.simulate(ZHAO, DRIVE.replace(amplitude=0.22), 14, initial=start, options=AUTO)
+    second = mi.simulate(ZHAO, DRIVE, 14, initial=first.final, options=AUTO)
     expected = second.section()
     expected = expected[expected["period"] >= 10]
     rows = table[table["amplitude"] == 0.24]
@@ -141,8 +143,8 @@ def test_bias_from_zero():
     # The forcing period doubles where the bias sets in; the phase is carried over.
     table = swept((0.0, 0.1), "bias", initial=mi.State(v2=1.0))
     assert (table["status"] == "ok").all()
-    run = mi.simulate(ZHAO, DRIVE, 14, initial=mi.State(v2=1.0))
-    more = mi.simulate(ZHAO, DRIVE.replace(bias=0.1), 14, initial=run.final)
+    run = mi.simulate(ZHAO, DRIVE, 14, initial=mi.State(v2=1.0), options=AUTO)
+    more = mi.simulate(ZHAO, DRIVE.replace(bias=0.1), 14, initial=run.final, options=AUTO)
     expected = more.section(1).query("period >= 10")["v2"]
     assert table.loc[table["bias"] == 0.1, "v2"].tolist() == expected.tolist()
 

@@ -31,8 +31,8 @@ class PlateElectrode(DrawnPart):
     count : float, optional
         Number of such electrodes.
     spread : float, optional
-        Distance of the outer springs along the length of the electrode [m]; it tells whether the
-        block tilts.
+        Distance of the outer springs along the length of the electrode [m], for the warning of a
+        block that tilts.
 
     Raises
     ------
