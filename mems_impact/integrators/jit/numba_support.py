@@ -277,8 +277,8 @@ def address(_typing: Any, handle: Any) -> Any:
 
 _log = logging.getLogger("mems_impact")
 
-LOOP_NOTICE = "compiling the event loop, about 7 s, once per installation"
-SYSTEM_NOTICE = "compiling the functions of a system, about 1 s"
+LOOP_NOTICE = "compiling the event loop, some 10 s, once per installation"
+SYSTEM_NOTICE = "compiling the functions of a system, some seconds"
 
 
 class _Cache(NullCache):
