@@ -18,9 +18,9 @@ gc.set_threshold(50_000, 20, 50)
 
 
 def pytest_configure(config):
-    """Compile the event loop once for all workers."""
-    is_worker = hasattr(config, "workerinput")
-    if not is_worker and getattr(config.option, "numprocesses", None):
+    """Compile the event loop once for all workers that run the whole set."""
+    is_worker, is_whole = hasattr(config, "workerinput"), config.args_source.name != "ARGS"
+    if is_whole and not is_worker and getattr(config.option, "numprocesses", None):
         subprocess.run([sys.executable, "-m", "mems_impact.hybrid.precompilation"], check=True)
 
 
