@@ -49,7 +49,7 @@ STUDY_OPTIONS = Options(method="auto")
 
 Exponents = Literal["unsettled", "all", "none"]
 EXPONENT_CHUNK = 16  # periods between two checks of an exponent
-# Relative tolerance of the perturbations where an exponent only classifies a motion: with it
+# Relative tolerance of run and perturbations where an exponent only classifies a motion: with it
 # exponents change by a small part of their standard error.
 CLASSIFICATION_RTOL = 1e-7
 # Largest number of periods over which an exponent is computed: at first, and for a motion that has
@@ -530,12 +530,12 @@ def _is_near_return(system: HybridSystem, states: Floats) -> bool:
 
 
 class _Exponents:
-    """Largest exponents of points that share an automaton, by the same engines.
+    """Largest exponents of points that share an automaton, by the same engine.
 
     Parameters
     ----------
     rtol : float
-        Relative tolerance of perturbations, if it is above the tolerance of the run.
+        Relative tolerance of run and perturbations, if it is above that of the problem.
     """
 
     def __init__(self, rtol: float) -> None:
@@ -553,11 +553,13 @@ class _Exponents:
 
         NaN if the run fails. `progress` is called several times a second; it may raise.
         """
+        options = problem.options
+        looser = max(1.0, self._rtol / options.rtol)
+        options = replace(options, rtol=looser * options.rtol, atol=looser * options.atol)
+        problem = replace(problem, options=options)
         try:
             if self._stretching is None:
-                self._stretching = LyapunovIntegrator(
-                    problem, start, chunk=EXPONENT_CHUNK, column_rtol=self._rtol
-                )
+                self._stretching = LyapunovIntegrator(problem, start, chunk=EXPONENT_CHUNK)
             else:
                 self._stretching.restart(problem, start)
             return largest(

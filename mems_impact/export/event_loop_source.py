@@ -94,6 +94,7 @@ _WORDS = (
     "n",
     "states",
     "perturbations",
+    "interpolated",
     "m",
     "width",
     "mode",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from time import monotonic, thread_time
 from types import SimpleNamespace
 from typing import Any, Protocol
@@ -56,13 +55,11 @@ class EngineBinding:
         ``call(function, *arguments)`` calls `function`, written over
         `mems_impact.integrators.interface`, with the engine as its first argument; compiled for a
         compiled engine.
-    raise_fault : callable
-        Raises FunctionError if a function of the automaton has failed in a call by another engine.
     engine : Engine
         The engine itself.
     table : callable
-        ``table(rows, width)`` returns rows of zeros: an array, or for interpreted code lists, which
-        Python reads several times as fast.
+        ``table(rows, width)`` returns rows of zeros, long enough for a state with its columns: an
+        array, or for interpreted code lists, which Python reads several times as fast.
     record : callable
         ``record(dtype, arrays, numbers)`` returns a record with the fields of `dtype`: zero except
         for `arrays`, which it does not keep alive, and `numbers`.
@@ -77,12 +74,9 @@ class EngineBinding:
         long; interpreted, the function itself.
     array_reference : callable
         Returns the representation of an array in a record: its address, or the array.
-    handle_address : int or Engine
-        Representation of the engine in a record: its address, or the engine.
     """
 
     call: Callable[..., Any]
-    raise_fault: Callable[[], None]
     engine: Engine
     table: Callable[[int, int], Any]
     record: Callable[..., Any]
@@ -90,7 +84,6 @@ class EngineBinding:
     kernel_addresses: Callable[..., tuple[dict[str, Any], Any]]
     tangents_reference: Callable[[Callable[..., Any], int, int], tuple[Any, Any]]
     array_reference: Callable[[Any], Any]
-    handle_address: Any
 
 
 CALL_SECONDS = 0.1  # processor time of a call of a loop
@@ -132,10 +125,11 @@ class StepQuota:
         self.steps = min(self.steps, self.last)
 
 
-def create_engine(problem: Problem, columns: int = 0) -> EngineBinding:
+def create_engine(problem: Problem, columns: int = 0, *, known: bool = False) -> EngineBinding:
     """Create the engine that the problem's options require.
 
-    Margins and transitions take the state without its last `columns` components.
+    Margins and transitions take the state without its last `columns` components, which may belong
+    to a `known` motion (see `Equations`).
 
     Raises
     ------
@@ -161,6 +155,7 @@ def create_engine(problem: Problem, columns: int = 0) -> EngineBinding:
         section=problem.section,
         bounds=automaton.bounds,
         columns=columns,
+        known=known,
     )
     if not columns and (options.method == "bdf" or (options.method == "auto" and automaton.stiff)):
         from mems_impact.hybrid.variational.tangents import flow_jacobian, jacobian_memory
@@ -201,7 +196,7 @@ def _compiled(
         return result
 
     def table(rows: int, width: int) -> Any:
-        return np.zeros((rows, width))
+        return np.zeros((rows, max(width, equations.n)))
 
     def record(dtype: np.dtype[Any], arrays: dict[str, Any], numbers: dict[str, float]) -> Any:
         result = np.zeros(1, dtype=dtype)[0]
@@ -233,7 +228,6 @@ def _compiled(
 
     return EngineBinding(
         call,
-        partial(_raise_fault, engine, automaton),
         engine,
         table,
         record,
@@ -241,7 +235,6 @@ def _compiled(
         kernel_addresses,
         tangents_reference,
         array_reference,
-        engine.address,
     )
 
 
@@ -275,7 +268,7 @@ def _interpreted(
         return result
 
     def table(rows: int, width: int) -> Any:
-        return [[0.0] * width for _ in range(rows)]
+        return [[0.0] * max(width, equations.n) for _ in range(rows)]
 
     def record(dtype: np.dtype[Any], arrays: dict[str, Any], numbers: dict[str, float]) -> Any:
         # Access to fields of a NumPy record is slow in Python: a third of the run time.
@@ -304,7 +297,6 @@ def _interpreted(
 
     return EngineBinding(
         call,
-        partial(_raise_fault, engine, automaton),
         engine,
         table,
         record,
@@ -312,7 +304,6 @@ def _interpreted(
         kernel_addresses,
         tangents_reference,
         lambda array: array,
-        engine,
     )
 
 

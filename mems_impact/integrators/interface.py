@@ -78,7 +78,7 @@ def root_directions(engine: Any, i: int) -> int:
 def interpolate(engine: Any, t: float, y: Any) -> None:
     """Write the state at `t`, within the last internal step, into `y`; the run is unaffected.
 
-    Columns are defined at the ends of the step only, as for `state` at a root.
+    Columns of a known motion are defined at the ends of the step only, as for `state` at a root.
     """
     engine.interpolate(t, y)
 
@@ -192,6 +192,9 @@ class Equations:
     columns : int, optional
         Number of components at the end of the state that `flow` only takes: for each component of
         the state without them, its perturbations, one a column.
+    known : bool, optional
+        Whether the motion of the columns is known, with the times of its events: columns are not
+        interpolated, and an arc may have few steps.
     """
 
     flow: Callable[..., Any]
@@ -207,6 +210,7 @@ class Equations:
     bounds: bool = True
     modes: int = 1
     columns: int = 0
+    known: bool = False
 
     @property
     def states(self) -> int:
@@ -217,6 +221,11 @@ class Equations:
     def perturbations(self) -> int:
         """The number of columns."""
         return self.columns // max(self.states, 1)
+
+    @property
+    def interpolated(self) -> int:
+        """The number of components that are interpolated within a step."""
+        return self.states if self.known else self.n
 
     @property
     def crossing(self) -> tuple[int, float, int]:

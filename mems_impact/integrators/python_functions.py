@@ -106,6 +106,7 @@ class Functions(SingleMethodEngine):
         self._transition = equations.transition
         self.n, self.m = equations.n, equations.m
         self.states, self.perturbations = equations.states, equations.perturbations
+        self.interpolated = equations.interpolated
         self.parameters: list[float] = np.asarray(equations.parameters, dtype=float).tolist()
         self.bias = np.zeros(2 * equations.m)
         self.approach_search = 1

@@ -243,7 +243,7 @@ static int64_t begin_run(Memory *memory, int imports)
         table_row(memory, ROW_CYCLIC)[j] = STATE_CYCLIC[j];
         y[j] = memory->start[j] / STATE_UNITS[j];
     }
-    engine->n = engine->states = STATES;
+    engine->n = engine->states = engine->interpolated = STATES;
     engine->m = GUARDS;
     engine->width = ENGINE_WIDTH;
     engine->section = -1;

@@ -303,11 +303,6 @@ def result_of(w: Any) -> Any:
     return w.results[w.point]
 
 
-def advance(engine: Any, s: Any, w: Any) -> int:
-    """Run the event loop for one step."""
-    return loop.run_steps(engine, s, 1)
-
-
 def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
     """Compute points until all are complete, one fails, or the quota of steps is used up.
 
@@ -343,7 +338,7 @@ def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
 
 def advance_point(engine: Any, s: Any, w: Any) -> None:
     """Take one step of a point, and decide about its outcome."""
-    status = advance(engine, s, w)
+    status = loop.advance(engine, s, w, 1)
     update_sizes(s, w)
     if s.events_written + s.samples_written > 0:
         process_events(engine, s, w)

@@ -84,13 +84,11 @@ def _sample_at(s, i):  # type: ignore[no-untyped-def]
 
 
 mark_overloaded(
+    loop.advance,
     recurrence.observe,
     recurrence.scratch_row,
-    recurrence.advance,
     recurrence.numbers_of,
     recurrence.result_of,
-    saltation.run_loop,
-    saltation.extended_engine,
     saltation.event_tangents,
     tangents.numbers,
     tangents.split_numbers,
@@ -112,22 +110,14 @@ def _observe(engine, w, mode, code, t, states, out):  # type: ignore[no-untyped-
         return implementation
 
 
-@overload(recurrence.advance, jit_options={**JIT, **INNER})
-def _advance(engine, s, w):  # type: ignore[no-untyped-def]
-    if _is_work(w):
-        return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), 1))
+@overload(loop.advance, jit_options={**JIT, **INNER})
+def _advance(engine, s, w, quota):  # type: ignore[no-untyped-def]
+    if _is_clock(s):
 
+        def implementation(engine, s, w, quota):  # type: ignore[no-untyped-def]
+            return _call_advance(w.advance, (address(engine), address(s), quota))
 
-@overload(saltation.run_loop, jit_options={**JIT, **INNER})
-def _run_loop(engine, s, w):  # type: ignore[no-untyped-def]
-    if _is_stretching(w):
-        return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), 1))
-
-
-@overload(saltation.extended_engine, jit_options={**JIT, **INNER})
-def _extended_engine(w):  # type: ignore[no-untyped-def]
-    if _is_stretching(w):
-        return lambda w: _engine_at(w.extended)
+        return implementation
 
 
 @overload(saltation.event_tangents, jit_options={**JIT, **INNER})
@@ -174,10 +164,6 @@ def _evaluate(function, owner, by_differences, arguments, records):  # type: ign
         function(*arguments)
 
     return implementation
-
-
-def _is_stretching(kind: Any) -> bool:
-    return isinstance(kind, types.Record) and "extended" in kind.fields
 
 
 @overload(recurrence.scratch_row, jit_options={**JIT, **INNER})

@@ -119,7 +119,8 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
     engine : an engine with the interface `mems_impact.integrators.interface`
     s : LOOP_STATE record
     quota : int
-        Steps that this call may take.
+        Steps that this call may take; without any it performs the transitions of the present
+        instant.
 
     Returns
     -------
@@ -133,8 +134,6 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
     while True:
         if s.events_written + ROOM + s.m > s.event_rows:
             return BUFFER_FULL
-        if quota <= 0:
-            return PAUSED
         if s.first_arc == 1:
             s.first_arc = 0
             set_clock(engine, s)
@@ -153,6 +152,8 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             status = resolve_instant(engine, s, y, s.pending_guard)
             if status != DONE:
                 return status
+        if quota <= 0:
+            return PAUSED
         if s.restart == 1:
             begin_arc(engine, s, y)
 
@@ -245,6 +246,11 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
         elif t > REBASE_PERIODS * max(s.period, STEPS_PER_PERIOD * s.longest):
             log_event(s, t, REBASE, 0, s.mode, y, y)
             s.restart = 1
+
+
+def advance(engine: Any, s: Any, w: Any, quota: int) -> int:
+    """Call `run_steps`; compiled code calls it by its address, ``w.advance``."""
+    return run_steps(engine, s, quota)
 
 
 def begin_arc(engine: Any, s: Any, y: Any) -> None:

@@ -1,6 +1,6 @@
 """Lyapunov exponents of a run.
 
-`LyapunovIntegrator` runs a problem chunk by chunk and propagates perturbations (`saltation`).
+`LyapunovIntegrator` runs a problem with perturbations chunk by chunk (`saltation`).
 `largest` serves studies: it returns the largest exponent per period, its standard error and the
 number of periods. Its result depends only on its arguments and is reproducible to the last bit. All
 integration releases the GIL.
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
-from mems_impact.errors import RunError
+from mems_impact.errors import FunctionError, RunError
 from mems_impact.hybrid.engine import EngineBinding, LoopMemory, create_engine
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD
@@ -83,8 +83,6 @@ class LyapunovIntegrator:
     uneven : bool, optional
         Whether chunk lengths vary from one half to three halves of that length, for autonomous
         systems, whose period may be close to the length of a chunk.
-    column_rtol : float, optional
-        Relative tolerance of the columns, if it is above the tolerance of the run.
     balanced : bool, optional
         Whether components of columns are weighted for lengths and angles. Exponents do not depend
         on weights; without them, columns of a badly scaled system are nearly parallel.
@@ -98,50 +96,40 @@ class LyapunovIntegrator:
         *,
         chunk: int = CHUNK,
         uneven: bool = False,
-        column_rtol: float = 0.0,
         balanced: bool = False,
     ) -> None:
         problem = replace(problem, section=None)  # perturbations do not need its crossings
         automaton, n = problem.automaton, len(problem.automaton.states)
-        self._rtol = max(problem.options.rtol, column_rtol)
         self._columns, self._size = count, n * (1 + count)
         self.chunk, self.uneven = chunk, uneven
-        self._run = create_engine(problem)
 
         def build(exact: bool) -> tuple[EngineBinding, Any]:
-            extended = _extended_problem(problem, self._size, self._rtol, exact)
-            tangents = tangents_of_events(problem, self._run, 0, exact)
-            return create_engine(extended, n * count), tangents
+            flow = tangent_flow(automaton.flow, n, len(problem.parameters), count, exact=exact)
+            parameters = _with_scratch(problem, self._size)
+            extended = with_columns(problem, flow, parameters, self._size, guarded=True)
+            binding = create_engine(extended, n * count)
+            return binding, tangents_of_events(problem, binding, 0, exact)
 
-        self._extended, (tangents, self._kernel) = exact_or_not(automaton, build)
+        self._binding, (tangents, self._kernel) = exact_or_not(automaton, build)
         self._workspace = variational_workspace(problem, 0, self._size, tangents)
         self._free = list(free_components(automaton))
         self._cyclic = np.array([int(i in automaton.cyclic) for i in range(n)])
         self._weights, self._balanced = np.ones(n), balanced
         self._records = np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64)
         self._initialize(problem, start)
-        binding = self._run
-        addresses, _ = binding.kernel_addresses(self._memory.clock, None, n, 0)
-        numbers = {
-            "extended": self._extended.handle_address,
-            "advance": addresses.get("advance", 0),
-        }
-        self._work = binding.record(STRETCHING, {}, numbers)
+        addresses, _ = self._binding.kernel_addresses(self._memory.clock, None, n, 0)
+        self._work = self._binding.record(STRETCHING, {}, {"advance": addresses.get("advance", 0)})
 
     def restart(self, problem: Problem, start: HybridState) -> None:
         """Begin again, with a problem that differs in parameters and times only."""
         longest_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
-        for binding, values in (
-            (self._run, np.array(problem.parameters, dtype=float)),
-            (self._extended, _with_scratch(problem, self._size)),
-        ):
-            binding.call(reset, values, longest_step)
+        self._binding.call(reset, _with_scratch(problem, self._size), longest_step)
         self._initialize(replace(problem, section=None), start)
-        self._work["lost"] = 0
+        self._work["steps"] = 0
 
     def _initialize(self, problem: Problem, start: HybridState) -> None:
-        """Set the initial state of run and columns; the engines are in theirs."""
-        n, binding, options = self._workspace.n, self._run, problem.options
+        """Set the initial state of run and columns; the engine is in its own."""
+        n, binding, options = self._workspace.n, self._binding, problem.options
         self.problem, self.final = problem, start
         self.growth: list[Floats] = []
         self.lengths: list[float] = []
@@ -177,7 +165,7 @@ class LyapunovIntegrator:
         y[self._free] = np.asarray(start.y, dtype=float)[self._free]
         self._state = PerturbationState(
             y=y,
-            cycle_mode=np.array([start.cycle, start.mode], dtype=np.int64),
+            mode=np.array([start.mode], dtype=np.int64),
             t=np.array([start.time]),
             shifts=np.zeros(self._columns),
             growth=np.zeros(self._columns),
@@ -198,7 +186,7 @@ class LyapunovIntegrator:
         is_dead, errors = self._state.alive == 0, standard_errors(growth, lengths)
         return Exponents(
             np.where(is_dead, -math.inf, rates),
-            np.where(is_dead, 0.0, np.hypot(errors, self._rtol)),
+            np.where(is_dead, 0.0, np.hypot(errors, self.problem.options.rtol)),
             periods,
         )
 
@@ -227,8 +215,8 @@ class LyapunovIntegrator:
         status = workspace.PAUSED
         try:
             while status == workspace.PAUSED:
-                status = self._run.quota.call(
-                    self._run.call,
+                status = self._binding.quota.call(
+                    self._binding.call,
                     stretch,
                     clock,
                     work,
@@ -237,24 +225,25 @@ class LyapunovIntegrator:
                     lengths,
                     growth,
                 )
-                self._extended.raise_fault()
                 collapse = self._memory.take_step_collapse()
                 if collapse is not None and self.problem.discontinuity_check is not None:
                     self.problem.discontinuity_check(*collapse)
                 if progress is not None:
                     progress(float(clock["cycle"] + clock["t"] / clock["period"] - start))
+        except FunctionError as error:
+            raise self._failure(lengths, status) from error
         finally:
             chunk_count = int(work["chunk"])
             self.growth += list(growth[:chunk_count])
             self.lengths += lengths[:chunk_count].tolist()
         if status != workspace.DONE:
-            raise self._failure(float(lengths[: chunk_count + 1].sum()))
+            raise self._failure(lengths, status)
         self.final = HybridState(
             int(clock["end_cycle"]),
             float(clock["end_phase"]),
             int(clock["mode"]),
             self._memory.state,
-            self._run.engine.export_memory(),
+            self._binding.engine.export_memory(),
             waiting=self._memory.waiting,
         )
 
@@ -277,16 +266,17 @@ class LyapunovIntegrator:
             return float(self.chunk)
         return self.chunk * (0.5 + GOLDEN_SECTION * number % 1.0)
 
-    def _failure(self, periods: float) -> RunError:
+    def _failure(self, lengths: Floats, status: int) -> RunError:
         """Return the error that stopped run or columns, from an ordinary run up to there."""
+        periods = float(lengths[: int(self._work["chunk"]) + 1].sum())
+        try:
+            run(self.problem, self.final, periods, consume=lambda _: None)
+        except RunError as error:
+            return error
         reason = "a perturbation of the run cannot be integrated"
         remedy = "check parameters and drive at this time; loosen or tighten rtol and atol"
-        if not self._work["lost"]:
+        if status == workspace.ENDED:
             reason, remedy = "the run ends earlier", "reduce the run length, or change the start"
-            try:
-                run(self.problem, self.final, periods, consume=lambda _: None)
-            except RunError as error:
-                return error
         clock = self._memory.clock
         return RunError(
             reason=reason,
@@ -301,7 +291,7 @@ class LyapunovIntegrator:
     def _slopes(self) -> Floats:
         """Return the derivatives of state and columns, shape (1 + k, n)."""
         state, dy = self._state, np.zeros_like(self._state.y)
-        self._extended.call(flow_at, int(state.cycle_mode[1]), float(state.t[0]), state.y, dy)
+        self._binding.call(flow_at, int(state.mode[0]), float(state.t[0]), state.y, dy)
         n = self._propagation.variational.n
         return np.vstack([dy[:n], dy[n:].reshape(n, -1).T])
 
@@ -335,10 +325,11 @@ class LyapunovIntegrator:
         self._fixed = (self._slopes() == 0.0).all(axis=0) & ~jumps
         columns[:, self._fixed] = 0.0
         lengths = np.linalg.norm(columns * self._weights, axis=1)
-        self._run.call(constrain, state, self._propagation)
+        self._binding.call(constrain, state, self._propagation)
         remaining = np.linalg.norm(columns * self._weights, axis=1)
         state.alive[remaining <= ZERO_COLUMN * lengths] = 0  # rounding errors of the projection
         orthonormalize(1e-6, state, self._propagation)
+        self._memory.table[workspace.Y][n : self._size] = state.y[n:].tolist()
 
 
 def largest(
@@ -381,16 +372,6 @@ def largest(
         if error <= tolerance or is_decided or total + chunk > periods:
             return float(exponent), float(error), int(total)
         count = 1
-
-
-def _extended_problem(problem: Problem, size: int, rtol: float, exact: bool) -> Problem:
-    """Return the problem of a state and its columns, with the events of the run."""
-    automaton, options = problem.automaton, problem.options
-    n, p = len(automaton.states), len(problem.parameters)
-    flow = tangent_flow(automaton.flow, n, p, size // n - 1, exact=exact)
-    extended = with_columns(problem, flow, _with_scratch(problem, size), size)
-    column_options = replace(options, rtol=rtol, atol=options.atol * (rtol / options.rtol))
-    return replace(extended, options=column_options)
 
 
 def _with_scratch(problem: Problem, size: int) -> Floats:

@@ -2,10 +2,9 @@
 
 One call propagates perturbations through all arcs and events of an orbit.
 
-Functions over `integrators.interface`, interpreted and compiled. Along a run perturbations follow
-its event log, and after each event their base state is the state of the run. The run has its own
-integrator, so that perturbations do not change it even by rounding; a second integrator, of the
-extended flow, propagates the columns.
+Functions over `integrators.interface`, interpreted and compiled. Along a run one engine integrates
+the state and its columns. The event loop leaves the columns at an instant in the row of the state,
+behind it, where they are changed before the next arc begins.
 """
 
 from __future__ import annotations
@@ -26,22 +25,18 @@ from mems_impact.hybrid.event_loop.event_detection import (
 )
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
-    APPROACH,
     BUFFER_FULL,
     CYCLE,
     DONE,
     EPS,
     FAILED,
     GUARD,
-    HANDOVER,
     HEAD,
     KIND,
     MODE_AFTER,
     MODE_BEFORE,
     NONE,
     PAUSED,
-    REBASE,
-    SECTION_CROSSING,
     SWITCH,
     TIME,
     TRANSITION,
@@ -565,10 +560,9 @@ class PerturbationState(NamedTuple):
         The state, its cyclic components zero, then the columns, as in
         `mems_impact.hybrid.variational.flow.tangent_flow`: orthonormal, in weighted components, but
         for their cyclic components.
-    cycle_mode : int array, shape (2,)
-        Completed periods before the time base, and the mode.
+    mode : int array, shape (1,)
     t : float array, shape (1,)
-        Time since the time base.
+        Time since the time base of the loop.
     shifts : float array, shape (k,)
         Time by which the events of this instant are earlier for each column; negative if later.
     growth : float array, shape (k,)
@@ -582,7 +576,7 @@ class PerturbationState(NamedTuple):
     """
 
     y: Any
-    cycle_mode: Any
+    mode: Any
     t: Any
     shifts: Any
     growth: Any
@@ -622,37 +616,6 @@ class PropagationProblem(NamedTuple):
     weights: Any
 
 
-def propagate_to_event(
-    engine: Any, column_engine: Any, event: Any, state: Any, problem: Any
-) -> bool:
-    """Propagate the columns up to an event and through it; return whether it succeeded."""
-    workspace = problem.variational
-    n, kind, guard = workspace.n, int(event[KIND]), int(event[GUARD])
-    is_record = kind == TRANSITION and problem.records[guard] == 1
-    if is_record or kind in (APPROACH, SECTION_CROSSING, HANDOVER):
-        return True
-    cycle, time = int(event[CYCLE]), event[TIME]
-    if kind == ACCUMULATION:
-        # The state before an accumulation is that at the last impact of its sequence.
-        if not is_at(event, state, problem):
-            if not propagate(engine, column_engine, cycle, time, state, problem):
-                return False
-            load_state(event, HEAD, state, problem)
-        apply_rest_saltation(engine, column_engine, guard, state, problem)
-        orthonormalize(ZERO_COLUMN, state, problem)
-    if not propagate(engine, column_engine, cycle, time, state, problem):
-        return False
-    load_state(event, HEAD, state, problem)
-    if kind in (TRANSITION, SWITCH):
-        apply_saltation(engine, event, state, problem)
-    state.cycle_mode[1] = int(event[MODE_AFTER])
-    load_state(event, HEAD + n, state, problem)
-    if kind != REBASE:
-        constrain(engine, state, problem)
-        orthonormalize(ZERO_COLUMN, state, problem)
-    return True
-
-
 def flow_at(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
     """Write the derivative of state and columns into `dy`."""
     interface.flow(engine, mode, t, y, dy)
@@ -665,69 +628,11 @@ def load_state(values: Any, first: int, state: Any, problem: Any) -> None:
         state.y[j] = 0.0 if problem.cyclic[j] == 1 else values[first + j]
 
 
-def is_at(event: Any, state: Any, problem: Any) -> bool:
-    """Return whether the columns are at the state before an event."""
-    workspace = problem.variational
-    is_same = True
-    for j in range(workspace.n):
-        is_same = is_same and (problem.cyclic[j] == 1 or state.y[j] == event[HEAD + j])
-    return is_same
-
-
-def time_until(state: Any, cycle: int, time: float, problem: Any) -> float:
-    """Return the time from state and columns to an instant."""
-    return time + (cycle - state.cycle_mode[0]) * problem.period - state.t[0]
-
-
-def propagate(
-    engine: Any, column_engine: Any, cycle: int, time: float, state: Any, problem: Any
-) -> bool:
-    """Integrate state and columns up to an instant; return whether it succeeded.
-
-    The columns are orthonormalized at intervals and at the end. A past instant has no effect.
-    """
-    workspace = problem.variational
-    if time_until(state, cycle, time, problem) <= 0.0:
-        return True
-    while True:
-        while state.t[0] >= problem.period:
-            state.t[0] -= problem.period
-            state.cycle_mode[0] += 1
-        remaining = time_until(state, cycle, time, problem)
-        part_count = math.ceil(remaining / state.length[0])
-        end = state.t[0] + remaining / part_count
-        if part_count <= 1:
-            end = time + (cycle - state.cycle_mode[0]) * problem.period
-        mode = state.cycle_mode[1]
-        success = end <= state.t[0] or integrate(
-            column_engine, mode, state.y, state.t[0], end, workspace, approaches=False
-        )
-        if not success:
-            return False
-        # A shorter part is not representative.
-        is_whole = 2.0 * (end - state.t[0]) >= state.length[0]
-        state.t[0] = end
-        for j in range(problem.k):
-            state.shifts[j] = 0.0
-        constrain(engine, state, problem)
-        min_ratio = orthonormalize(0.0, state, problem)
-        if min_ratio < REORTHONORMALIZE_BELOW:
-            state.length[0] *= 0.5
-        elif (
-            is_whole
-            and min_ratio > REORTHONORMALIZE_BELOW**0.25
-            and state.length[0] < problem.scale
-        ):
-            state.length[0] *= 2.0
-        if part_count <= 1:
-            return True
-
-
 def constrain(engine: Any, state: Any, problem: Any) -> None:
     """Project the columns onto the tangent space of the mode's manifold."""
     workspace = problem.variational
-    if workspace.constrained[state.cycle_mode[1]] == 1:
-        project(engine, state.cycle_mode[1], state.t[0], state.y, workspace)
+    if workspace.constrained[state.mode[0]] == 1:
+        project(engine, state.mode[0], state.t[0], state.y, workspace)
 
 
 def just_before(t: float) -> float:
@@ -799,9 +704,7 @@ def apply_saltation(engine: Any, event: Any, state: Any, problem: Any) -> None:
         update_column(c, flow_before, flow_after, state, problem)
 
 
-def apply_rest_saltation(
-    engine: Any, column_engine: Any, guard: int, state: Any, problem: Any
-) -> None:
+def apply_rest_saltation(engine: Any, guard: int, state: Any, problem: Any) -> None:
     """Propagate state and columns through the impact without rebound at the end of chatter.
 
     The sequences of all perturbed motions end too, with a gap of zero: successive impulses close
@@ -809,12 +712,12 @@ def apply_rest_saltation(
     flights are so low that the instant of the transition is irrelevant.
     """
     workspace = problem.variational
-    n, k, mode = workspace.n, problem.k, state.cycle_mode[1]
+    n, k, mode = workspace.n, problem.k, state.mode[0]
     flow_before, flow_after, response = workspace.work[8], workspace.work[9], workspace.work[5]
     for j in range(n):
         flow_before[j] = flow_after[j] = 0.0
     differentiate(engine, mode, workspace.m + guard, state, problem)
-    contact_response(column_engine, mode, guard, response, state, problem)
+    contact_response(engine, mode, guard, response, state, problem)
     gap_response = 0.0
     for j in range(n):
         gap_response += workspace.margin[guard, 1 + j] * response[j]
@@ -827,13 +730,11 @@ def apply_rest_saltation(
             change = gap / gap_response * response[j] if gap_response != 0.0 else 0.0
             state.y[n + k * j + c] -= change
         update_column(c, flow_before, flow_after, state, problem)
-    state.cycle_mode[1] = interface.transition(
-        engine, mode, workspace.m + guard, state.t[0], state.y
-    )
+    state.mode[0] = interface.transition(engine, mode, workspace.m + guard, state.t[0], state.y)
 
 
 def contact_response(
-    column_engine: Any, mode: int, guard: int, response: Any, state: Any, problem: Any
+    engine: Any, mode: int, guard: int, response: Any, state: Any, problem: Any
 ) -> None:
     """Write into `response` the rate of change of the state after a unit impulse at a contact.
 
@@ -849,7 +750,7 @@ def contact_response(
         x[n + k * i] = -workspace.margin[rate, 1 + i]
         for j in range(n):
             x[n + k * i] += workspace.jump[i, 1 + j] * workspace.margin[rate, 1 + j]
-    interface.flow(column_engine, mode, state.t[0], x[: state.y.size], slope[: state.y.size])
+    interface.flow(engine, mode, state.t[0], x[: state.y.size], slope[: state.y.size])
     for i in range(n):
         response[i] = slope[n + k * i]
 
@@ -951,13 +852,11 @@ def length_of(y: Any, column: int, k: int, n: int) -> float:
 STRETCHING = np.dtype(
     [
         ("advance", np.int64),  # address of the event loop
-        ("extended", np.int64),  # address of the engine of the columns
         ("chunk", np.int64),
         ("begun", np.int64),  # 1 during a chunk
-        ("lost", np.int64),  # 1 if the propagation of the columns failed
+        ("steps", np.int64),  # of the run, up to the last orthonormalization
     ]
 )
-MAX_LEAD_RATIO = 0.75  # lead of the run, relative to the time between orthonormalizations
 
 
 def reset(engine: Any, parameters: Any, longest_step: float) -> None:
@@ -969,14 +868,13 @@ def reset(engine: Any, parameters: Any, longest_step: float) -> None:
 
 def stretch(engine: Any, s: Any, w: Any, state: Any, problem: Any, lengths: Any, growth: Any,
             quota: int) -> int:  # fmt: skip
-    """Continue the run chunk by chunk, and propagate the columns.
+    """Continue the run and its columns chunk by chunk.
 
     Parameters
     ----------
     engine
-        Of the run. It evaluates margins and transitions for the columns too.
+        Engine of the extended flow, with events (see `mems_impact.hybrid.variational.flow`).
     s : LOOP_STATE
-        State of the event loop of the run.
     w : STRETCHING
     state : PerturbationState
     problem : PropagationProblem
@@ -990,9 +888,8 @@ def stretch(engine: Any, s: Any, w: Any, state: Any, problem: Any, lengths: Any,
     Returns
     -------
     int
-        DONE, PAUSED, FAILED if the propagation failed, or the reason why the run ended.
+        DONE, PAUSED, or the reason why the run ended; FAILED if columns failed, too.
     """
-    column_engine = extended_engine(w)
     while w.chunk < lengths.size:
         if w.begun == 0:
             begin(s, lengths[w.chunk])
@@ -1002,24 +899,20 @@ def stretch(engine: Any, s: Any, w: Any, state: Any, problem: Any, lengths: Any,
         while w.begun == 1:
             if quota <= 0:
                 return PAUSED
-            status = run_loop(engine, s, w)
+            # The transitions of an instant change columns before the next arc begins.
+            is_instant = s.first_arc == 1 or s.pending_guard != NONE
+            status = loop.advance(engine, s, w, 0 if is_instant else 1)
             quota = 0 if s.collapse_length > 0.0 else quota - 1  # report it before the next one
-            for i in range(s.events_written):
-                if not propagate_to_event(engine, column_engine, event_at(s, i), state, problem):
-                    w.lost = 1
-                    return FAILED
-            s.events_written = 0
-            if status == DONE:
-                w.begun = 0
-            elif status not in (PAUSED, BUFFER_FULL):
+            if status not in (PAUSED, BUFFER_FULL, DONE):
                 return status
-            elif not follow(engine, column_engine, s, state, problem):
-                w.lost = 1
+            w.begun = int(status != DONE)
+            if s.restart == 0 and s.t - s.arc_start >= state.length[0]:
+                s.restart = 1
+                s.first_arc = s.negative_by_error
+            is_passed = s.restart == 1 or status == DONE
+            if is_passed and not pass_instant(engine, s, w, state, problem):
                 return FAILED
-        if not propagate(engine, column_engine, s.end_cycle, s.end_phase, state, problem):
-            w.lost = 1
-            return FAILED
-        load_state(table_row(s, Y), 0, state, problem)
+            s.events_written = 0
         for c in range(problem.k):
             growth[w.chunk, c] = state.growth[c]
         w.chunk += 1
@@ -1036,26 +929,87 @@ def begin(s: Any, length: float) -> None:
     s.first_arc = 1
 
 
-def follow(engine: Any, column_engine: Any, s: Any, state: Any, problem: Any) -> bool:
-    """Propagate the columns to the state of the run if it is far enough ahead; False on failure.
+def pass_instant(engine: Any, s: Any, w: Any, state: Any, problem: Any) -> bool:
+    """Orthonormalize the columns at the end of an arc, and propagate them through its events.
 
-    The base state of the columns is integrated separately, and diverges from the run as
-    neighbouring motions do. A late correction would be a jump, after which columns along the flow
-    are no longer tangent to it.
+    Return False on failure.
     """
-    is_ahead = time_until(state, s.cycle, s.t, problem) >= MAX_LEAD_RATIO * state.length[0]
-    if s.pending_guard != NONE or not is_ahead:
+    n, k, y = s.n, problem.k, table_row(s, Y)
+    for j in range(n, n + n * k):
+        state.y[j] = y[j]
+    state.t[0], state.mode[0] = s.t, s.mode
+    load_state(y, 0, state, problem)
+    first = 0
+    while first < s.events_written and not is_transition(event_at(s, first)):
+        first += 1
+    if first < s.events_written:
+        state.t[0], state.mode[0] = event_time(s, first), int(event_at(s, first)[MODE_BEFORE])
+        load_state(event_at(s, first), HEAD, state, problem)
+    if s.steps > w.steps:
+        w.steps = s.steps
+        for c in range(k):
+            state.shifts[c] = 0.0
+        constrain(engine, state, problem)
+        adapt_length(orthonormalize(0.0, state, problem), state.t[0] - s.arc_start, state, problem)
+    for i in range(first, s.events_written):
+        if not pass_event(engine, event_at(s, i), event_time(s, i), state, problem):
+            return False
+    for j in range(n, n + n * k):
+        y[j] = state.y[j]
+    return True
+
+
+def is_transition(event: Any) -> bool:
+    """Return whether an event has changed mode or state."""
+    return int(event[KIND]) in (TRANSITION, SWITCH, ACCUMULATION)
+
+
+def event_time(s: Any, i: int) -> float:
+    """Return the time of event `i` since the time base."""
+    event = event_at(s, i)
+    time: float = event[TIME] + (event[CYCLE] - s.cycle) * s.period
+    return time
+
+
+def adapt_length(min_ratio: float, time: float, state: Any, problem: Any) -> None:
+    """Adapt the time between orthonormalizations to the smallest remaining part after `time`."""
+    is_whole = 2.0 * time >= state.length[0]  # a shorter time is not representative
+    if min_ratio < REORTHONORMALIZE_BELOW:
+        state.length[0] *= 0.5
+    elif is_whole and min_ratio > REORTHONORMALIZE_BELOW**0.25 and state.length[0] < problem.scale:
+        state.length[0] *= 2.0
+
+
+def pass_event(engine: Any, event: Any, time: float, state: Any, problem: Any) -> bool:
+    """Propagate the columns through an event at `time`; return whether it succeeded."""
+    n, kind, guard = problem.variational.n, int(event[KIND]), int(event[GUARD])
+    is_record = kind == TRANSITION and problem.records[guard] == 1
+    if is_record or not is_transition(event):
         return True
-    success = propagate(engine, column_engine, s.cycle, s.t, state, problem)
-    load_state(table_row(s, Y), 0, state, problem)
-    return success
+    load_state(event, HEAD, state, problem)
+    if kind == ACCUMULATION:
+        apply_rest_saltation(engine, guard, state, problem)
+        orthonormalize(ZERO_COLUMN, state, problem)
+        if time > state.t[0] and not integrate_contact(engine, time, state, problem):
+            return False
+    else:
+        apply_saltation(engine, event, state, problem)
+    state.mode[0] = int(event[MODE_AFTER])
+    load_state(event, HEAD + n, state, problem)
+    constrain(engine, state, problem)
+    orthonormalize(ZERO_COLUMN, state, problem)
+    return True
 
 
-def run_loop(engine: Any, s: Any, w: Any) -> int:
-    """Run the event loop for one step."""
-    return loop.run_steps(engine, s, 1)
+def integrate_contact(engine: Any, time: float, state: Any, problem: Any) -> bool:
+    """Integrate state and columns in the mode of contact to the end of a chatter sequence.
 
-
-def extended_engine(w: Any) -> Any:
-    """Return the engine of the extended flow (see `mems_impact.hybrid.variational.flow`)."""
-    return w.extended
+    The loop begins an arc afterwards, with other biases.
+    """
+    for i in range(2 * problem.variational.m):
+        interface.set_bias(engine, i, 1e300)  # no root stops the engine
+    mode, t = state.mode[0], state.t[0]
+    state.t[0] = time
+    for c in range(problem.k):
+        state.shifts[c] = 0.0
+    return integrate(engine, mode, state.y, t, time, problem.variational, approaches=False)

@@ -195,7 +195,7 @@ def straight(engine: Any, t: float) -> bool:
     begin, middle, y = row(engine, BEGIN), row(engine, MIDDLE), row(engine, STATE)
     share = (engine.t_middle - engine.t_begin) / (t - engine.t_begin)
     moved, bent = 0.0, 0.0
-    for j in range(engine.n):
+    for j in range(engine.states):
         scale = engine.atol + engine.rtol * abs(y[j])
         chord = (y[j] - begin[j]) / scale
         off = (middle[j] - begin[j]) / scale - share * chord
@@ -203,7 +203,7 @@ def straight(engine: Any, t: float) -> bool:
         bent += off * off
     return bent < max(
         STRAIGHTNESS_RTOL * STRAIGHTNESS_RTOL * moved,
-        STRAIGHTNESS_TOLERANCES * STRAIGHTNESS_TOLERANCES * engine.n,
+        STRAIGHTNESS_TOLERANCES * STRAIGHTNESS_TOLERANCES * engine.states,
     )
 
 
@@ -236,7 +236,7 @@ def spectral_radius(engine: Any, t: float) -> float:
     for the next check in the arc. The result is the mean of two growth factors, since under a pair
     of complex eigenvalues the direction rotates. It is nan if the flow is.
     """
-    n, mode, now = engine.n, engine.mode, min(t, engine.last_instant)
+    n, mode, now = engine.states, engine.mode, min(t, engine.last_instant)
     y, slope = row(engine, STATE), row(engine, SLOPE)
     ahead, changed, direction = row(engine, AHEAD), row(engine, CHANGED), row(engine, DIRECTION)
     count = LATER_ITERATIONS
@@ -266,10 +266,10 @@ def spectral_radius(engine: Any, t: float) -> float:
 def scaled_norm(engine: Any, direction: Any) -> float:
     """Return the norm of a direction, with components relative to the state."""
     y, total = row(engine, STATE), 0.0
-    for j in range(engine.n):
+    for j in range(engine.states):
         part = direction[j] / size_of(engine, y[j])
         total += part * part
-    return math.sqrt(total / engine.n)
+    return math.sqrt(total / engine.states)
 
 
 def size_of(engine: Any, y: float) -> float:

@@ -373,9 +373,9 @@ def column_error(engine: Any, h: float) -> float:
 def dense(engine: Any, t: float, h: float) -> None:
     """Compute the coefficients of the dense output of the step from `t`, with three more stages.
 
-    Of the state only: columns are not interpolated.
+    Of the first `interpolated` components.
     """
-    count = -(-engine.states // group_size(engine))
+    count = -(-engine.interpolated // group_size(engine))
     mode, limit = engine.mode, engine.last_instant
     y, slope = grouped(engine, SPARE), grouped(engine, SLOPE)
     start, end = grouped(engine, START), grouped(engine, END)
@@ -480,10 +480,7 @@ def stiffness_ratio(engine: Any, h: float) -> float:
 
 
 def dense_at(engine: Any, t: float, y: Any) -> None:
-    """Write the state at `t` within the last step into `y`; beyond the step its ends.
-
-    Columns are known at the ends only.
-    """
+    """Write the state at `t` within the last step into `y`; beyond the step its ends."""
     start, end = row(engine, START), row(engine, END)
     inside = engine.t_start < t < engine.t_end
     if not inside:
@@ -496,7 +493,7 @@ def dense_at(engine: Any, t: float, y: Any) -> None:
         make_dense(engine, engine.t_start, h)
     u = (t - engine.t_start) / h
     v = 1.0 - u
-    for j in range(engine.states):
+    for j in range(engine.interpolated):
         k = component(engine, j)
         inner = k[DENSE + 3] + u * (k[DENSE + 4] + v * (k[DENSE + 5] + u * k[DENSE + 6]))
         y[j] = start[j] + u * (k[DENSE] + v * (k[DENSE + 1] + u * (k[DENSE + 2] + v * inner)))
@@ -711,7 +708,7 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     engine.stop = stop
     engine.last_instant = float(np.nextafter(stop, -math.inf))
     engine.longest = engine.max_step
-    if engine.perturbations == 0:  # columns belong to a known motion
+    if engine.interpolated == engine.n:  # otherwise the motion is known
         engine.longest = min(engine.max_step, (stop - t) / MIN_STEPS_TO_STOP)
     engine.begun = 0
     engine.rest = 0

@@ -75,6 +75,7 @@ ENGINE_FIELDS = [
     ("n", np.int64),
     ("states", np.int64),  # components without columns
     ("perturbations", np.int64),  # columns
+    ("interpolated", np.int64),  # components
     ("m", np.int64),
     ("parameter_count", np.int64),
     ("t", np.float64),
@@ -434,7 +435,7 @@ class CompiledEngine(SingleMethodEngine):
         handle["fired"] = base + WORD * offset
         handle["n"], handle["m"], handle["parameter_count"] = n, m, parameters.size
         handle["states"], handle["perturbations"] = equations.states, equations.perturbations
-        handle["approach_search"] = 1
+        handle["interpolated"], handle["approach_search"] = equations.interpolated, 1
         handle["section"], handle["level"], _ = equations.crossing
         handle["flow"] = self._kernels.flow.address
         handle["margins"] = self._kernels.margins.address
