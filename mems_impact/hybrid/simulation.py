@@ -143,17 +143,20 @@ class Events:
 
     def instant(self, row: int) -> HybridState:
         """Return the instant just after an event."""
-        cycle, time = self.cycle[row], self.time[row]
-        first = row
-        while first > 0 and self.cycle[first - 1] == cycle and self.time[first - 1] == time:
-            first -= 1
         return HybridState(
-            int(cycle),
-            float(time),
+            int(self.cycle[row]),
+            float(self.time[row]),
             int(self.mode_after[row]),
             self.after[row].copy(),
-            switched=bool((self.kind[first : row + 1] == workspace.SWITCH).any()),
+            switched=bool((self.kind[self.simultaneous(row)] == workspace.SWITCH).any()),
         )
+
+    def simultaneous(self, row: int) -> slice:
+        """Return the rows of the instant of an event, up to this event."""
+        first = row
+        while first > 0 and all(each[first - 1] == each[row] for each in (self.cycle, self.time)):
+            first -= 1
+        return slice(first, row + 1)
 
     def __len__(self) -> int:
         return self.cycle.size
@@ -300,9 +303,12 @@ class Trajectory:
         rows = np.flatnonzero(is_start)
         if rows.size == 0:
             return self.start
-        i = rows[-1]
+        i = int(rows[-1])
         memory = events[:i].remembered(self.start.remembered)
-        return replace(events.instant(int(i)), remembered=memory)
+        now, guards = events[events.simultaneous(i)], self.automaton.guards
+        fired = set(now.guard[now.kind == workspace.TRANSITION].tolist())
+        waiting = tuple(j for j in sorted(fired) if not (guards[j].condition or guards[j].impact))
+        return replace(events.instant(i), remembered=memory, waiting=waiting)
 
 
 # --- Missing sliding mode

@@ -52,6 +52,26 @@ def test_a_run_that_continues_waits_as_the_one_before():
 
 
 @ways
+def test_samples_from_an_instant_know_its_events(options):
+    """At 0 the margin is zero: its guard has fired in the first mode, and waits in the second."""
+
+    def fire(mode, t, y, p):
+        return mode, ((y.x,) if mode == DOWN else (1.0,))
+
+    guards = [
+        mi.Guard("zero", lambda mode, t, y, p: -t, fire),
+        mi.Guard("begin", lambda mode, t, y, p: -1.0, to(UP), modes=(DOWN,), condition=True),
+    ]
+    decay = mi.System(
+        states=("x",), flow=lambda mode, t, y, p: (-y.x,), guards=guards, initial={"x": 0.1}
+    )
+    run = mi.simulate(decay, duration=1.0, options=options)
+    assert log(run) == [("zero", 0.0), ("begin", 0.0)]
+    for samples in (run.samples(1), run.samples(1, first=0.0)):
+        assert samples["x"].to_numpy() == pytest.approx([0.1, 0.1 * math.exp(-1.0)])
+
+
+@ways
 @pytest.mark.parametrize("share", [0.25, 1.0 / 3.0, 0.5, 1.0])
 def test_an_event_at_the_end_of_a_run_takes_place_once(options, share):
     """Runs of one length after another, as one run: x' = 1 counts when it passes 0.7 and 1.4."""
