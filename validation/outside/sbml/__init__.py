@@ -59,12 +59,13 @@ def values(path: str, settings: dict[str, str]) -> Any:
     while True:
         model = Model(path, places)
         system = model.system(PER_SCALE * duration / steps)
-        run = mi.simulate(system, duration=start + duration, options=options)
+        # A little longer, so that rounding does not omit the last sample.
+        run = mi.simulate(system, duration=(1.0 + 1e-9) * (start + duration), options=options)
         lost = int(run.final["lost"])
         if lost < 0:
             break
         places[lost] = 2 * places.get(lost, 1)
-    samples = run.samples(PER_SCALE, first=start)
+    samples = run.samples(PER_SCALE, first=start).iloc[: steps + 1]
     concentrations = re.split(r"\W+", settings["concentration"])
     asked = re.split(r"\W+", settings["variables"])
     output = model.output([model.output_of(name, name in concentrations) for name in asked])

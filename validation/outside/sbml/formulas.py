@@ -114,7 +114,7 @@ def number(node: Any) -> str:
         text = number(parts.pop()) if len(parts) % 2 else "math.nan"
         while parts:
             case, value = parts.pop(), parts.pop()
-            text = f"({number(value)} if {condition(case)} else {text})"
+            text = f"({number(value)} if {condition(logic(case))} else {text})"
         return text
     texts = [number(part) for part in parts]
     if kind == "MINUS":
@@ -125,7 +125,7 @@ def number(node: Any) -> str:
     if kind in CALLS:
         return CALLS[kind].format(*texts)
     if kind in RELATIONS or kind in ("AND", "OR", "NOT", "XOR", "IMPLIES"):
-        return f"(1.0 if {condition(node)} else 0.0)"
+        return f"(1.0 if {condition(logic(node))} else 0.0)"
     raise Refused("delay: a differential equation with delay" if kind == "DELAY" else kind)
 
 
@@ -140,9 +140,9 @@ def _parts(node: Any) -> list[Any]:
 # --- Truth values: trees of ("and" | "or", branches) over (relation, text, text)
 
 
-def condition(node: Any) -> str:
-    """Return the text of a formula whose value is a truth value."""
-    return _render(logic(node), CONNECTIVES, lambda kind, *texts: RELATIONS[kind][1].format(*texts))
+def condition(tree: Any) -> str:
+    """Return the text of a truth value."""
+    return _render(tree, CONNECTIVES, lambda kind, *texts: RELATIONS[kind][1].format(*texts))
 
 
 def margin(tree: Any, is_steady: Callable[[str], bool]) -> str:

@@ -7,8 +7,8 @@ An event waits between trigger and execution, however short, in a place: a state
 of execution, and a state ``w`` for each value from the time of the trigger. A guard per trigger
 fills a place; a guard per trigger that is not persistent empties the places of its event. One guard
 executes what is due, one event at a time, by priority; between two executions other guards fire.
-Triggers that are true before the start (``initialValue``) are watched from the second mode on, in
-which they wait.
+A trigger that is true at the start has fired in the first mode, without effect unless its
+``initialValue`` is false.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import libsbml
 
 import mems_impact as mi
 from validation.outside.case import Refused
-from validation.outside.sbml.formulas import FUNCTIONS, logic, margin, number
+from validation.outside.sbml.formulas import FUNCTIONS, condition, logic, margin, number
 
 __all__ = ["Model"]
 
@@ -264,7 +264,7 @@ class Model:
         return f"a_{symbol} / v_{species.getCompartment()}" if is_concentration else f"a_{symbol}"
 
     def _function(self, name: str, *texts: str, arguments: str = "mode, t, y, p") -> Any:
-        space = {**FUNCTIONS, "math": math, "RUNNING": RUNNING}
+        space = {**FUNCTIONS, "math": math, "STARTING": STARTING, "RUNNING": RUNNING}
         lines = [*self.lines(*texts, known=self.known), *texts]
         exec("\n    ".join([f"def {name}({arguments}):", *lines]), space)
         return space[name]
@@ -278,14 +278,16 @@ class Model:
         """Return the guards of the trigger of an event."""
         event, places = self.events[i], [k for event, k in self.places if event == i]
         texts = [f"due = t + {event.delay}", *(f"w_{j} = {text}" for j, text in event.held.items())]
+        if event.starts_true:
+            true = condition(event.trigger)
+            texts += [f"if mode == STARTING and {true}:", f"    {self._after({})}"]
         for k in places:
             filled = {f"due_{i}_{k}": "due", **{f"w_{i}_{k}_{j}": f"w_{j}" for j in event.held}}
             texts += [f"if y.due_{i}_{k} < 0.0:", f"    {self._after(filled)}"]
         fill = self._function("fill", *texts, self._after({"lost": f"{i}.0"}))
-        modes = (RUNNING,) if event.starts_true else (STARTING, RUNNING)
         text = margin(event.trigger, self._is_steady)
         trigger = self._function("trigger", f"return {text}")
-        guards = [mi.Guard(f"trigger {i}", trigger, fill, modes=modes)]
+        guards = [mi.Guard(f"trigger {i}", trigger, fill)]
         if not event.persistent:
             waits = " or ".join(f"y.due_{i}_{k} >= 0.0" for k in places)
             ceasing = self._function("ceasing", f"return -({text}) if {waits} else 1.0")
@@ -336,7 +338,7 @@ class Model:
             for j, text in enumerate(values.values()):
                 texts.append(f"    w_{j} = {f'y.w_{i}_{k}_{j}' if j in held else text}")
             texts.append(f"    {self._after(after)}")
-        return [*texts, "return mode, y"]
+        return [*texts, self._after({})]
 
     def state_of(self, symbol: str) -> str:
         """Return the state of a symbol."""
