@@ -328,12 +328,10 @@ class Model:
             ]
         for n, (i, k) in enumerate(self.places):
             values, held = self.events[i].values, self.events[i].held
-            news = {name: f"w_{j}" for j, name in enumerate(values)}
             after = {f"due_{i}_{k}": FREE, "seed": "seed"}
-            for name, new in news.items():
-                compartment = self.compartments.get(name, "")
-                size = news.get(compartment, f"v_{compartment}") if compartment else "1.0"
-                after[self.state_of(name)] = f"{new} * {size}"
+            for j, name in enumerate(values):
+                size = f" * v_{self.compartments[name]}" if name in self.compartments else ""
+                after[self.state_of(name)] = f"w_{j}{size}"
             texts.append(f"if chosen == {n}:")
             for j, text in enumerate(values.values()):
                 texts.append(f"    w_{j} = {f'y.w_{i}_{k}_{j}' if j in held else text}")
