@@ -72,7 +72,8 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
     Any consistent set of quantities that determines the device is accepted, as numbers in SI or
     with units; the drive makes the frame walk, or a warning says why none does and what would
     change that. Without quantities, the file is a commented template that runs as it stands; that
-    of a drawing has the parts of a device and the process. FILE is device.toml, drawing.toml or
+    of a drawing has the parts of a device and the process. A clamp by a voltage is a table of the
+    file, [clamp_electrode]. FILE is device.toml, drawing.toml or
     system.py by default. An existing file is never overwritten.
     """  # noqa: D301 - click looks for the backspace itself
     texts = {name: text for name, text in quantities.items() if text is not None}
