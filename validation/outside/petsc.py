@@ -119,9 +119,10 @@ def zeros(name: str, output: str) -> Any:
             guards.append(mi.Guard(f"{i} falls", margin(function, 1.0)))
         if not only_down:
             guards.append(mi.Guard(f"{i} rises", margin(function, -1.0)))
-    system = mi.System(states=("x", "y"), flow=rotation, guards=guards, initial={"y": 1.0})
+    system = mi.System(states=("x", "y"), flow=rotation, guards=guards)
     options = mi.Options(engine="interpreted")
-    run = mi.simulate(system, duration=1.001 * end - start, start=start, options=options)
+    length, initial = 1.001 * end - start, {"y": 1.0}
+    run = mi.simulate(system, duration=length, start=start, initial=initial, options=options)
     return sorted(t for t in run.events["t"] if start < t < end + ERROR)
 
 

@@ -102,8 +102,9 @@ EXAMPLES: dict[str, tuple[Callable[[], mi.System], float, str, list[str], re.Pat
 def cases(folder: Path) -> Iterator[Case]:
     """Yield the cases: an example each."""
     for name, (_, _, _, columns, pattern) in EXAMPLES.items():
-        roots = pattern.findall((folder / f"examples/{name}.out").read_text())
-        numbers = [re.findall(r"[-+.\d]+(?:e[-+]\d+)?", " ".join(root)) for root in roots]
+        roots = pattern.finditer((folder / f"examples/{name}.out").read_text())
+        texts = [" ".join(root.groups()) for root in roots]
+        numbers = [re.findall(r"[-+]?\d+\.?\d*(?:e[-+]\d+)?", text) for text in texts]
         yield Case(
             name=name,
             group="roots",
@@ -118,7 +119,8 @@ def values(name: str) -> Any:
     """Return times and states of the roots."""
     system, duration, method, columns, _ = EXAMPLES[name]
     options = mi.Options(method=method, atol=1e-14)
-    return mi.simulate(system(), duration=duration, options=options).events[columns]
+    events = mi.simulate(system(), duration=duration, options=options).events
+    return events.loc[events["t"] > 0.0, columns]
 
 
 SUITE = Suite(

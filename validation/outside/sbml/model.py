@@ -7,8 +7,8 @@ An event waits between trigger and execution, however short, in a place: a state
 of execution, and a state ``w`` for each value from the time of the trigger. A guard per trigger
 fills a place; a guard per trigger that is not persistent empties the places of its event. One guard
 executes what is due, one event at a time, by priority; between two executions other guards fire.
-A trigger that is true at the start has fired in the first mode, without effect unless its
-``initialValue`` is false.
+A trigger that is true at the start fires in the first mode, without effect: with ``initialValue``
+false its event waits in a place from the start.
 """
 
 from __future__ import annotations
@@ -90,8 +90,12 @@ class Model:
         for each in self.model.getListOfSpecies():
             self._add_species(each, effects.get(each.getId(), []))
         for i, k in self.places:
-            self.start[f"due_{i}_{k}"] = FREE
-            self.start |= {f"w_{i}_{k}_{j}": "0.0" for j in self.events[i].held}
+            event = self.events[i]
+            waits = k == 0 and not event.starts_true
+            fires = condition(event.trigger) if waits else "False"
+            self.start[f"due_{i}_{k}"] = f"({event.delay} if {fires} else {FREE})"
+            for j, text in event.held.items():
+                self.start[f"w_{i}_{k}_{j}"] = f"({text} if {fires} else 0.0)"
         # The seed of random choices, and the last event for which no place was free.
         self.start |= {"seed": "1.0", "lost": FREE}
         added = [name for name in self.start if not QUANTITY.match(name)]
@@ -204,14 +208,13 @@ class Model:
 
     def initial_values(self) -> dict[str, float]:
         """Return the values of states and parameters at the start."""
-        known = self.defined | self.start | self._derivatives()
+        start = {name: text for name, text in self.start.items() if QUANTITY.match(name)}
+        known = self.defined | start | self._derivatives()
         lines = self.lines(*self.start, *self.start.values(), known=known)
+        places = [f"{name} = {text}" for name, text in self.start.items() if name not in known]
         space = {**FUNCTIONS, "math": math, "t": 0.0}
-        exec("\n".join(lines), space)
-        return {
-            name: float(space[name] if QUANTITY.match(name) else text)
-            for name, text in self.start.items()
-        }
+        exec("\n".join([*lines, *places]), space)
+        return {name: float(space[name]) for name in self.start}
 
     def system(self, time_scale: float) -> mi.System:
         """Return the system; runs sample it ten times in a time scale."""
@@ -278,9 +281,8 @@ class Model:
         """Return the guards of the trigger of an event."""
         event, places = self.events[i], [k for event, k in self.places if event == i]
         texts = [f"due = t + {event.delay}", *(f"w_{j} = {text}" for j, text in event.held.items())]
-        if event.starts_true:
-            true = condition(event.trigger)
-            texts += [f"if mode == STARTING and {true}:", f"    {self._after({})}"]
+        true = condition(event.trigger)
+        texts += [f"if mode == STARTING and {true}:", f"    {self._after({})}"]
         for k in places:
             filled = {f"due_{i}_{k}": "due", **{f"w_{i}_{k}_{j}": f"w_{j}" for j in event.held}}
             texts += [f"if y.due_{i}_{k} < 0.0:", f"    {self._after(filled)}"]
