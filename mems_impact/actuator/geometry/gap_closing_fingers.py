@@ -13,7 +13,7 @@ from mems_impact.actuator.geometry.base import Finding, Process
 from mems_impact.actuator.geometry.breakdown import breakdown
 from mems_impact.actuator.geometry.fingers import Fingers, line_capacitance
 from mems_impact.actuator.geometry.squeezed_films import (
-    Film,
+    RectangularFilm,
     rectangle_damping,
     squeeze_film,
 )
@@ -105,7 +105,7 @@ class GapClosingFingers(Fingers):
         return max(sides), min(sides)
 
     def _film(self, process: Process) -> SqueezeFilm:
-        film = Film(*self._sides_of_film(process), self.count)
+        film = RectangularFilm(*self._sides_of_film(process), self.count)
         return squeeze_film(process, [film], "both" if self.sides == "both" else "right")
 
     def terms(self, process: Process, travel: float) -> tuple[Term, ...]:

@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 from pydantic import model_validator
 
 from mems_impact.actuator.geometry.base import DrawnPart, Process
-from mems_impact.actuator.geometry.squeezed_films import Film, film_below
+from mems_impact.actuator.geometry.squeezed_films import RectangularFilm, film_below
 from mems_impact.actuator.parameter_base import NonNegative, Positive
 from mems_impact.errors import InvalidParameter
 
@@ -75,7 +75,7 @@ class Plate(DrawnPart):
         hole = process.space(self.hole_length) * process.space(self.hole_width)
         return self.count * (outer - self.holes * hole)
 
-    def film(self, process: Process, gap: float) -> Film:
+    def film(self, process: Process, gap: float) -> RectangularFilm:
         """Return the films below the plates, with holes as square as their area."""
         sides = process.line(self.length), process.line(self.width)
         hole = process.space(self.hole_length) * process.space(self.hole_width)

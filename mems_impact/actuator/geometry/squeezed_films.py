@@ -11,14 +11,14 @@ import numpy as np
 from mems_impact.actuator.geometry.base import Process
 from mems_impact.actuator.terms.squeeze_film import SqueezeFilm
 
-__all__ = ["Film", "film_below", "rectangle_damping", "squeeze_film"]
+__all__ = ["RectangularFilm", "film_below", "rectangle_damping", "squeeze_film"]
 
 MODES = 2000  # of the pressure across a film
 SQUARE_HOLE = 0.547  # radius of a pipe with the flow of a square one, by its side
 END_LENGTH = 3.0 * math.pi / 8.0  # that the ends add to a pipe, by its radius
 
 
-class Film(NamedTuple):
+class RectangularFilm(NamedTuple):
     """Rectangular films in one gap, and the damping of the flow through holes [N s/m]."""
 
     length: float
@@ -41,7 +41,7 @@ def rectangle_damping(length: float, width: float, leak: float = 0.0) -> float:
 
 def film_below(
     process: Process, gap: float, sides: tuple[float, float], holes: float, side: float
-) -> Film:
+) -> RectangularFilm:
     """Return the film below a plate with a regular pattern of square holes, for slow motion.
 
     In each of the cells, as wide as the pitch of the holes, gas flows to the hole, with the damping
@@ -52,7 +52,7 @@ def film_below(
     """
     length, width = max(sides), min(sides)
     if not holes * side:
-        return Film(length, width)
+        return RectangularFilm(length, width)
     area, radius = length * width, SQUARE_HOLE * side
     cell_squared = area / (math.pi * holes)
     ratio_squared = radius**2 / cell_squared
@@ -64,11 +64,11 @@ def film_below(
     by_gap = process.squeezed_viscosity(gap) / gap**3
     closed = by_gap * area * strip**2 + pipes  # of a plate without edges
     share = by_gap * rectangle_damping(length, width, 12.0 * by_gap * area / closed) / closed
-    return Film(share * area / strip, strip, 1.0, share * pipes)
+    return RectangularFilm(share * area / strip, strip, 1.0, share * pipes)
 
 
 def squeeze_film(
-    process: Process, films: Sequence[Film], sides: Literal["right", "both"] = "right"
+    process: Process, films: Sequence[RectangularFilm], sides: Literal["right", "both"] = "right"
 ) -> SqueezeFilm:
     """Return one film with the damping of all: the only one, or a strip of the widest."""
     widest = max(films, key=lambda each: each.width)
