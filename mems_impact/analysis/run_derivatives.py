@@ -5,8 +5,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from mems_impact.systems.window_statistics import TimeWindow
 if TYPE_CHECKING:
     import pandas as pd
 
-    from mems_impact.analysis.run import Run
+    from mems_impact.analysis.run import Keep, Run
 
 __all__ = ["INITIAL", "RunDerivatives", "derivatives_of"]
 
@@ -36,6 +36,21 @@ INITIAL = "x0."  # before the name of a state, for its initial value
 LOOSER = 10.0  # ratio of tolerances whose difference shows the error
 MOST_READ = 20  # events at which the functions of a system are evaluated for what they read
 STEP = 1e-3  # largest relative change of events in the gradient of a function
+
+
+class KeptDerivatives(NamedTuple):
+    """What a run that keeps statistics alone keeps of its derivatives.
+
+    Attributes
+    ----------
+    final : float array, shape (n, s)
+        Of the last state, in scaled units.
+    neighbours : tuple
+        For each quantity a step, and the run to first order at multiples of the step.
+    """
+
+    final: Floats
+    neighbours: tuple[tuple[float, Mapping[float, Run]], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +77,10 @@ class RunDerivatives:
     --------
     Run, value_and_jacobian, sensitivity
 
+    Notes
+    -----
+    Derivatives of a run with ``keep="statistics"`` are of its last state and statistics alone.
+
     Examples
     --------
     >>> import mems_impact as mi
@@ -85,6 +104,7 @@ class RunDerivatives:
     scales: Floats = field(repr=False)
     moves: tuple[Mapping[str, float], ...] = field(repr=False)
     one_sided: bool = False
+    _kept: KeptDerivatives | None = field(default=None, repr=False)
 
     @cached_property
     def columns(self) -> Columns:
@@ -94,7 +114,7 @@ class RunDerivatives:
     @property
     def final(self) -> pd.DataFrame:
         """Derivatives of the last state: a row per state, a column per quantity."""
-        return self._by_state(self._final(self.columns))
+        return self._by_state(self._kept.final if self._kept else self._final(self.columns))
 
     @property
     def error(self) -> pd.DataFrame:
@@ -102,6 +122,8 @@ class RunDerivatives:
 
         They are nan if that run has another sequence of events.
         """
+        if self._kept:
+            return replace(self, run=_with_events(self.run), _kept=None).error
         trajectory = self.run.trajectory
         problem, log = trajectory.problem, trajectory.events
         options = problem.options
@@ -216,7 +238,7 @@ class RunDerivatives:
             ``function(run)``, one number or m numbers; as in `of`.
         """
         found = np.stack([self._gradient(function, c) for c in range(len(self.names))], axis=-1)
-        if not found.any(axis=0).all():
+        if not self._kept and not found.any(axis=0).all():
             self._checked(self._inner)
         return found
 
@@ -245,10 +267,27 @@ class RunDerivatives:
         moves: dict[str, float] = {}
         for part, move in zip(parts, self.moves, strict=True):
             moves |= {name: part * value for name, value in move.items()}
+        quantities = self.quantities.along(parts * self.scales)
         return RunDerivatives(
-            self.run, ("direction",), self.family, self.quantities.along(parts * self.scales),
-            np.ones(1), (moves,), one_sided=True,
-        )  # fmt: skip
+            self.run, ("direction",), self.family, quantities, np.ones(1), (moves,), True
+        )._for(self.run.keep)
+
+    def _for(self, keep: Keep) -> RunDerivatives:
+        """Return the derivatives that a run with this `keep` has."""
+        if keep == "events":
+            return self
+        whole, nothing = replace(self, run=_with_events(self.run)), self.run.trajectory.events[:0]
+        neighbours = []
+        for c in range(len(self.names)):
+            step, runs = whole._step(c), {}
+            for distance in (part * step for part in (-3, -2, -1, 1, 2, 3)):
+                run = whole._neighbour(c, distance)
+                trajectory = run.trajectory.with_events(nothing)
+                runs[distance] = replace(
+                    run, keep=keep, trajectory=trajectory, _gatherer=run._accumulator
+                )
+            neighbours.append((step, runs))
+        return replace(self, _kept=KeptDerivatives(whole._final(whole.columns), tuple(neighbours)))
 
     # --- Units
 
@@ -296,6 +335,7 @@ class RunDerivatives:
 
     @cached_property
     def _numeric(self) -> RunColumns:
+        self.run._log("derivatives of events and samples")
         return RunColumns(self.run.trajectory, self.quantities, one_sided=self.one_sided)
 
     def _final(self, columns: Columns) -> Floats:
@@ -347,6 +387,22 @@ class RunDerivatives:
         The run of a neighbouring value is the run plus a multiple of its derivatives, so that the
         difference of its events has no error of an integration.
         """
+        if self._kept:
+            step, runs = self._kept.neighbours[c]
+            neighbour = runs.__getitem__
+        else:
+            step, neighbour = self._step(c), partial(self._neighbour, c)
+
+        def value(distance: float) -> Floats:
+            with warnings.catch_warnings(action="ignore", category=TransientWarning):
+                found = function(neighbour(distance))
+            return np.atleast_1d(np.asarray(found, dtype=float))
+
+        by_unit: Floats = sixth_order_difference(value, step)
+        return by_unit * float(self.scales[c] / self._factors[c])
+
+    def _step(self, c: int) -> float:
+        """Return the difference of a quantity in the gradient of a function."""
         run, columns = self.run, self._inner
         log = run.trajectory.events
         sizes = 1.0 + np.abs(log.after).max(axis=0, initial=0.0)
@@ -356,15 +412,7 @@ class RunDerivatives:
             float(np.nanmax(np.abs(columns.instants[:, c]), initial=0.0)) / run.trajectory.period,
             float(np.abs(self.quantities.directions[c]).max()),
         )
-        step = STEP / largest
-
-        def value(distance: float) -> Floats:
-            with warnings.catch_warnings(action="ignore", category=TransientWarning):
-                found = function(self._neighbour(c, distance))
-            return np.atleast_1d(np.asarray(found, dtype=float))
-
-        by_unit: Floats = sixth_order_difference(value, step)
-        return by_unit * float(self.scales[c] / self._factors[c])
+        return STEP / largest
 
     def _neighbour(self, c: int, distance: float) -> Run:
         """Return the run to first order at another value of a quantity."""
@@ -459,13 +507,15 @@ def _reads(trajectory: Trajectory, direction: Floats) -> bool:
     return False
 
 
+def _with_events(run: Run) -> Run:
+    """Return a run that kept statistics alone, integrated again, with its events."""
+    again = integrate(run.trajectory.problem, run.trajectory.start, run.periods)
+    return replace(run, keep="events", trajectory=run.trajectory.with_events(again.events))
+
+
 def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
     """Return the derivatives of a run; see `Run.derivatives`."""
     names = (names,) if isinstance(names, str) else tuple(names or ())
-    if run.keep != "events":
-        first = run.trajectory
-        events = integrate(first.problem, first.start, run.periods).events
-        run = replace(run, keep="events", trajectory=first.with_events(events))
     family, automaton = run.system.family(run.options), run.trajectory.automaton
     states = [f"{INITIAL}{name}" for name in automaton.states]
     for name in names:
@@ -498,4 +548,4 @@ def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
         quantities.directions[c] = point.directions[k]
         quantities.period_rates[c] = point.period_rates[k] / scales[c]
         quantities.switch_rates[c] = point.switch_rates[k] / scales[c]
-    return RunDerivatives(run, names, family, quantities, scales, tuple(moves))
+    return RunDerivatives(run, names, family, quantities, scales, tuple(moves))._for(run.keep)

@@ -60,6 +60,11 @@ class TangentOrbit:
     parameter : str
         A parameter of the orbit's family.
 
+    Attributes
+    ----------
+    growth : float
+        Relative change of the unknowns by the parameter.
+
     Raises
     ------
     OrbitError
@@ -79,6 +84,7 @@ class TangentOrbit:
             )
         self._rate = np.linalg.solve(point.jacobian, -point.by_parameter[:, 0])
         self._direction = np.append(self._rate, 1.0)
+        self.growth = float(np.abs(self._rate).max() / np.abs(point.unknowns).max())
         self._arcs = [self._arc_rates(i) for i in range(len(shooting.segments))]
 
     def to_first_order(self, step: float) -> PeriodicOrbit:
@@ -159,7 +165,11 @@ class TangentOrbit:
 
 # --- Derivatives of quantities by parameters
 
-DERIVATIVE_STEP = 1e-4  # relative to a parameter; the truncation error is below rounding
+DERIVATIVE_STEP = 1e-3
+"""Largest step relative to a parameter, if the unknowns change as little; at least a tenth of it.
+
+The truncation error is below rounding."""
+
 SOLVED_STEPS = (1e-3, 1e-4, 1e-5)
 """Steps for corrected orbits, whose errors exceed rounding; shorter near an end of the orbit."""
 
@@ -207,8 +217,9 @@ def derivatives(
             if chosen and kind:
                 result[rows, column] = _along_solved(orbit.system, chosen, tangent, size)
             elif chosen:
+                growth = np.clip(tangent.growth * size, 1.0, 10.0)
                 result[rows, column] = _derivatives(
-                    orbit.system, chosen, tangent.to_first_order, DERIVATIVE_STEP * size
+                    orbit.system, chosen, tangent.to_first_order, DERIVATIVE_STEP * size / growth
                 )
         # A parameter without effect has the derivative zero.
         nothing = np.abs(result[:, column]) * size <= DERIVATIVE_ROUNDING[

@@ -1,6 +1,7 @@
 """Derivatives of runs against closed forms, published numbers and differences."""
 
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -48,9 +49,9 @@ def spiral(mode, t, y, p):
     return y.a + 10.0 * y.b, -100.0 * y.a + y.b
 
 
-def test_the_example_of_hiskens_and_pai():
+def hiskens_and_pai():
     """IEEE Trans. Circuits Syst. I 47 (2000) 204; PETSc's hybrid example 1."""
-    system = mi.System(
+    return mi.System(
         states=("a", "b"),
         modes=("one", "two"),
         flow=spiral,
@@ -63,6 +64,9 @@ def test_the_example_of_hiskens_and_pai():
                      lambda mode, t, y, p: (0, (y.a, y.b)), modes=(1,)),
         ],
     )  # fmt: skip
+
+
+def test_the_example_of_hiskens_and_pai():
     exact = {
         "l1": (-0.102723187869359, 0.0703041416260091),
         "x0.a": (-0.238144981943192, 0.0316126656996),
@@ -73,10 +77,79 @@ def test_the_example_of_hiskens_and_pai():
         (mi.Options(engine="interpreted", method="dop853"), 1e-9),
         (FINE, 1e-11),
     ):
-        found = mi.simulate(system, duration=0.125, options=options).derivatives(list(exact))
+        run = mi.simulate(hiskens_and_pai(), duration=0.125, options=options)
+        found = run.derivatives(list(exact))
         differences = (found.final - np.array(list(exact.values())).T).abs()
         assert differences.max(axis=None) < bound
         assert differences.max(axis=None) < found.error.max(axis=None) < 200.0 * bound
+    run = mi.simulate(hiskens_and_pai(), duration=0.2, options=FINE)
+    assert len(run.events) == 6
+    found = run.derivatives(["l1"]).final["l1"]
+    assert found.tolist() == pytest.approx([-0.0155332395487168, 0.0120474048066989], abs=1e-11)
+
+
+def constant(*slopes):
+    return lambda mode, t, y, p: slopes
+
+
+def published():
+    """Return systems with one event, duration, parameter, and the derivative of the last state."""
+    level = mi.Guard("level", lambda mode, t, y, p: p.q - y.u,
+                     lambda mode, t, y, p: (mode, (0.0,)))  # fmt: skip
+    stops = mi.Guard("stops", lambda mode, t, y, p: y.x, lambda mode, t, y, p: (1, (y.x, y.y)),
+                     modes=(0,))  # fmt: skip
+    doses = mi.Guard("dose", lambda mode, t, y, p: y.u - p.q,
+                     lambda mode, t, y, p: (mode, (y.u + p.d,)))  # fmt: skip
+    drop = math.sqrt(2.0 / 9.8)
+    yield pytest.param(  # x = e u (1 - T) - g (1 - T)^2/2 with u = g T
+        bouncing(0.8), 1.0, "e", {"x": 9.8 * drop * (1.0 - drop), "v": 9.8 * drop},
+        id="SciML, bouncing ball",
+    )  # fmt: skip
+    yield pytest.param(
+        mi.System(states=("u",), flow=constant(1.0), parameters={"q": 0.7}, guards=[level]),
+        1.0, "q", {"u": -1.0}, id="DiffEqGPU.jl 533",
+    )  # fmt: skip
+    yield pytest.param(
+        mi.System(
+            states=("x", "y"), modes=("moves", "stopped"), guards=[stops], initial={"x": 1.0},
+            flow=lambda mode, t, y, p: (-p.a, 1.0 if mode == 0 else 0.0), parameters={"a": 2.0},
+        ),
+        1.0, "a", {"y": -0.25}, id="SciMLSensitivity.jl 4",
+    )  # fmt: skip
+    after = (0.3 + 0.5) * math.exp(-0.8 * (2.0 - math.log(1.0 / 0.3) / 0.8))  # (q + d)/q e^(-k t)
+    yield pytest.param(
+        mi.System(
+            states=("u",), flow=lambda mode, t, y, p: (-p.k * y.u,), guards=[doses],
+            parameters={"k": 0.8, "q": 0.3, "d": 0.5}, initial={"u": 1.0},
+        ),
+        2.0, "k", {"u": -2.0 * after}, id="cOde, doses",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("system", "duration", "name", "exact"), list(published()))
+def test_published_examples(system, duration, name, exact):
+    for method, bound in (("dop853", 1e-9), ("adams", 1e-7 if name == "k" else 1e-9)):
+        options = mi.Options(engine="interpreted", method=method)
+        found = mi.simulate(system, duration=duration, options=options).derivatives([name]).final
+        for state, value in exact.items():
+            assert found.loc[state, name] == pytest.approx(value, abs=bound)
+
+
+def test_instants_of_events_that_end_a_run():
+    """OrdinaryDiffEq.jl 4388: 1; `ev_sensitivity` of heyoka: pi/2 sqrt(1/k)."""
+    ramp = mi.System(states=("u",), flow=constant(1.0), parameters={"q": 0.7})
+    spring = mi.System(
+        states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -p.k * y.x), parameters={"k": 2.0},
+        initial={"x": 1.0},
+    )  # fmt: skip
+    for system, until, name, exact in (
+        (ramp, lambda mode, t, y, p: p.q - y.u, "q", 1.0),
+        (spring, lambda mode, t, y, p: y.x, "k", -math.pi / (4.0 * 2.0**1.5)),
+    ):
+        options = mi.Options(engine="interpreted", method="dop853")
+        run = mi.simulate(system, until=until, options=options)
+        found = run.derivatives([name]).events[f"dt/d{name}"]
+        assert found.tolist() == pytest.approx([exact], abs=1e-9)
 
 
 @pytest.mark.slow(all=True)
@@ -125,32 +198,38 @@ def test_switches_of_a_drive():
         np.testing.assert_allclose(found.loc[["x1", "v1", "x2", "v2"], name], exact, atol=1e-7)
 
 
-def pair(gap):
+def pair(gap, order=1):
     """Two balls that strike their floors in one instant, or `gap` apart."""
+    floors = [
+        mi.Stopper("one", "x", "v", lower=0.0, restitution="e"),
+        mi.Stopper("other", "z", "w", lower=0.0, restitution="f"),
+    ]
     return mi.System(
         states=("x", "v", "z", "w"),
         flow=lambda mode, t, y, p: (y.v, -1.0, y.w, -1.0),
         parameters={"e": 0.5, "f": 0.8},
         initial={"x": 1.0, "z": 1.0 + gap},
-        parts=[
-            mi.Stopper("one", "x", "v", lower=0.0, restitution="e"),
-            mi.Stopper("other", "z", "w", lower=0.0, restitution="f"),
-        ],
+        parts=floors[::order],
     )
 
 
-@pytest.mark.parametrize("gap", [0.0, 1e-16, -1e-16, 1e-12])
-def test_two_balls_in_one_instant(gap):
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("gap", [0.0, 2.0**-52, -(2.0**-53), 1e-12])
+def test_two_balls_in_one_instant(gap, order):
     names = ["e", "f", "x0.x", "x0.z"]
-    found = mi.simulate(pair(gap), duration=2.0, options=INTERPRETED).derivatives(names)
+    found = mi.simulate(pair(gap, order), duration=2.0, options=INTERPRETED).derivatives(names)
     t, fall = 2.0, math.sqrt(2.0)
-    assert found.final.loc["v", "e"] == pytest.approx(fall, abs=1e-9)
-    assert found.final.loc["w", "f"] == pytest.approx(fall, abs=1e-9)
+    events = found.run.events.set_index("event")
+    instant = events.loc["one", "t"]
+    before, after = (found.samples([instant], side).loc[0] for side in ("before", "after"))
+    assert [before["dv/de"], after["dv/de"]] == pytest.approx([0.0, fall], abs=1e-11)
+    assert found.final.loc["v", "e"] == pytest.approx(fall, abs=1e-11)
+    assert found.final.loc["w", "f"] == pytest.approx(fall, abs=1e-11)
     assert abs(found.final.loc[["w", "v"], ["e", "f"]].to_numpy()).min(axis=0) == pytest.approx(0.0)
     # x = e u (t - T) - (t - T)^2/2 with u = T = sqrt(2 h)
     by_height = (0.5 * (t - fall) - 0.5 * fall + (t - fall)) / fall
-    assert found.final.loc["x", "x0.x"] == pytest.approx(by_height, abs=1e-9)
-    assert found.final.loc["z", "x0.x"] == pytest.approx(0.0)
+    assert found.final.loc["x", "x0.x"] == pytest.approx(by_height, abs=1e-11)
+    assert found.final.loc["z", "x0.x"] == pytest.approx(0.0, abs=1e-14)
 
 
 def test_a_tie_with_one_sided_derivatives():
@@ -181,6 +260,31 @@ def test_a_tie_with_one_sided_derivatives():
         assert along == pytest.approx(value, abs=1e-9), direction
 
 
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_three_events_in_one_instant_in_every_order(order):
+    """Events at distances s = 1 + d reduce the rate of s and z by factors: z by all six orders."""
+    factors = {"first": 0.5, "second": 0.8, "third": 0.9}
+    system = mi.System(
+        states=("x", "y", "w", "r", "z"),
+        flow=lambda mode, t, y, p: (-y.r, -y.r, -y.r, 0.0, y.r),
+        initial={"x": 1.0, "y": 1.0, "w": 1.0, "r": 1.0},
+        guards=[
+            mi.Guard("first", lambda mode, t, y, p: y.x,
+                     lambda mode, t, y, p: (mode, (y.x, y.y, y.w, 0.5 * y.r, y.z))),
+            mi.Guard("second", lambda mode, t, y, p: y.y,
+                     lambda mode, t, y, p: (mode, (y.x, y.y, y.w, 0.8 * y.r, y.z))),
+            mi.Guard("third", lambda mode, t, y, p: y.w,
+                     lambda mode, t, y, p: (mode, (y.x, y.y, y.w, 0.9 * y.r, y.z))),
+        ],
+    )  # fmt: skip
+    found = mi.simulate(system, duration=3.0, options=INTERPRETED)
+    steps = dict(zip(("x0.x", "x0.y", "x0.w"), order, strict=True))
+    along = found.derivatives(list(steps)).directional(steps).final.loc["z", "direction"]
+    one, other, last = (list(factors.values())[order.index(place)] for place in range(3))
+    exact = 2.0 - one * other * last * (1.0 / one + 1.0 / (one * other))  # s = 0, 1, 2
+    assert along == pytest.approx(exact, abs=1e-9)
+
+
 def test_a_graze_is_refused():
     def run(depth, options=FINE):
         level = 1.0 - depth
@@ -200,6 +304,20 @@ def test_a_graze_is_refused():
         found = run(depth).derivatives(["level"]).events
         exact = 1.0 / math.sqrt(1.0 - (1.0 - depth) ** 2)  # t = arcsin(level)
         assert found["dt/dlevel"].iloc[0] == pytest.approx(exact, rel=1e-6 + 1e-11 / depth)
+    for depth in 10.0 ** -np.arange(2.0, 13.0):
+        found = run(depth, INTERPRETED).derivatives(["level"])
+        error = 1e-9 * (2.0 - depth) + 1e-11  # of the margin
+        if found.events["kind"].iloc[0] == "graze":
+            assert depth <= 10.0 * error
+            continue
+        exact = 1.0 / math.sqrt(1.0 - (1.0 - depth) ** 2)
+        bound = max(1e-6, 10.0 * error / (2.0 * depth))
+        assert found.events["dt/dlevel"].iloc[0] == pytest.approx(exact, rel=bound)
+        # x = L cos(T - t) - v/2 sin(T - t) with t = arcsin L, v = sqrt(1 - L^2)
+        level, rest = 1.0 - depth, 3.0 - math.asin(1.0 - depth)
+        by_level = (1.0 + 0.5) * math.cos(rest) + 1.5 * level * exact * math.sin(rest)
+        off = abs(found.final.loc["x", "level"] - by_level)
+        assert not off > found.error.loc["x", "level"]  # nan if looser tolerances find no event
     refused = run(1e-10, INTERPRETED).derivatives(["level"])  # below the error of the run
     assert refused.events["kind"].tolist() == ["graze"]
     assert refused.final.isna().all(axis=None)
@@ -220,6 +338,80 @@ def test_sliding_and_rest():
     exact = {"k": -3.0, "mu": 0.0, "mu_s": 5.0, "belt": -0.59 / 0.04}
     for name, value in exact.items():
         assert release[f"dt/d{name}"] == pytest.approx(value, abs=1e-8)
+
+
+def test_the_period_of_stick_and_slip():
+    """P = 2 D/b + 2 pi - 2 arctan(D/b), D = mu_s - mu, for a mass and a spring of 1."""
+    system = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, -y.x),
+        parameters={"mu": 0.3, "mu_s": 0.6, "belt": 0.2},
+        initial={"x": 0.1, "v": 0.2},
+        parts=[mi.Friction("belt", "v", mu="mu", static="mu_s", surface="belt")],
+    )
+    options = mi.Options(engine="interpreted", method="dop853")
+    events = mi.simulate(system, duration=20.0, options=options).derivatives(
+        ["mu", "mu_s", "belt"]
+    ).events  # fmt: skip
+    one, other = events[events["event"] == events["event"].iloc[0]].index[:2]
+    period = events.loc[other] - events.loc[one, ["t", "dt/dmu", "dt/dmu_s", "dt/dbelt"]]
+    by_ratio = 2.0 - 2.0 / (1.0 + 1.5**2)  # D/b = 1.5
+    assert period["t"] == pytest.approx(3.0 + 2.0 * math.pi - 2.0 * math.atan(1.5), abs=1e-9)
+    assert period["dt/dmu_s"] == pytest.approx(by_ratio / 0.2, abs=1e-9)
+    assert period["dt/dmu"] == pytest.approx(-by_ratio / 0.2, abs=1e-9)
+    assert period["dt/dbelt"] == pytest.approx(-by_ratio * 1.5 / 0.2, abs=1e-9)
+
+
+def test_sliding_on_a_surface():
+    """On y = 0 the share of the flow above is (c + a)/(2 a): x' = (b - d) (c + a)/(2 a) + d."""
+    system = mi.System(
+        states=("x", "y"),
+        flow=lambda mode, t, y, p: (
+            p.b if mode.line > 0 else p.d, p.c - p.a * mode.line
+        ),
+        parameters={"a": 1.0, "b": 2.0, "c": 0.25, "d": -1.0},
+        initial={"y": 1.5},
+        parts=[mi.SwitchingSurface("line", "y")],
+    )  # fmt: skip
+    found = mi.simulate(system, duration=5.0, options=INTERPRETED).derivatives(["a", "c", "x0.y"])
+    instant, speed = 2.0, 3.0 * 0.625 - 1.0  # reached at y0/(a - c)
+    by_a = (2.0 - speed) * -instant / 0.75 + 3.0 * 3.0 * -0.25 / 2.0
+    by_c = (2.0 - speed) * instant / 0.75 + 3.0 * 3.0 / 2.0
+    exact = [by_a, by_c, (2.0 - speed) / 0.75]
+    assert found.final.loc["x"].tolist() == pytest.approx(exact, abs=1e-9)
+    assert found.final.loc["y"].tolist() == pytest.approx([0.0] * 3, abs=1e-12)
+
+
+def test_an_undeclared_jump_warns():
+    def flow(mode, t, y, p):
+        return (1.0 if y.x < p.level else 3.0,)
+
+    with pytest.warns(mi.DiscontinuityWarning):
+        system = mi.System(states=("x",), flow=flow, parameters={"level": 0.5}, initial={"x": 0.4})
+    run = mi.simulate(system, duration=2.0, options=INTERPRETED)
+    with pytest.raises(mi.InvalidParameter, match="the threshold of an if, has no derivative"):
+        run.derivatives(["level"]).final  # noqa: B018
+
+
+def test_the_derivatives_of_an_orbit_close():
+    """dx0/dp = (1 - dx/dx0)^-1 dx/dp, by the derivatives of a run of one period."""
+    system = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, -p.k * y.x - p.c * y.v + p.A * math.cos(0.9 * t)),
+        parameters={"k": 1.0, "c": 0.02, "A": 0.5, "e": 0.7},
+        period=2.0 * math.pi / 0.9,
+        parts=[mi.Stopper("wall", "x", "v", upper=1.0, restitution="e")],
+    )
+    names = ["k", "c", "A", "e"]
+    orbit = mi.find_orbit(mi.simulate(system, 60, options=FINE))
+    quantities = [mi.Quantity("x", lambda orbit: orbit.state.x),
+                  mi.Quantity("v", lambda orbit: orbit.state.v)]  # fmt: skip
+    table = mi.sensitivity(orbit, names, quantities=quantities).table
+    rates = table.pivot(index="quantity", columns="parameter", values="derivative")
+    run = mi.simulate(system, orbit.periods, initial=orbit.state, options=FINE)
+    map_rates = run.derivatives(["x0.x", "x0.v", *names]).final.to_numpy()
+    closed = np.linalg.solve(np.eye(2) - map_rates[:, :2], map_rates[:, 2:])
+    np.testing.assert_allclose(rates.loc[["x", "v"], names], closed, rtol=0, atol=1e-10)
 
 
 def test_a_fit_by_least_squares():
@@ -296,7 +488,18 @@ def test_functions_of_statistics_and_directions():
     along = found.directional({"e": 2.0, "x0.x": 0.5}).of(speed).loc["direction"]
     assert along == pytest.approx(2.0 * by_name["e"] + 0.5 * by_name["x0.x"], rel=1e-9)
     assert by_name["e"] == pytest.approx(3.0 * 0.25 * math.sqrt(2.0 * 9.8), rel=1e-9)
-    assert run.derivatives(names).final.equals(found.final)
+    kept = run.derivatives(names)
+    assert kept.final.equals(found.final)
+    assert kept.error.equals(found.error)
+    with pytest.raises(mi.InvalidParameter, match="simulate again with keep='events'"):
+        kept.events  # noqa: B018
+
+    def share(run):
+        return [run.statistics["share free"], run.final.v]
+
+    np.testing.assert_array_equal(kept.jacobian(share), found.jacobian(share))
+    both = kept.directional({"e": 2.0, "x0.x": 0.5}).jacobian(share)
+    np.testing.assert_allclose(both[:, 0], kept.jacobian(share) @ [2.0, 0.5], rtol=1e-9, atol=1e-10)
 
 
 def test_the_state_at_the_end_of_bounces_moves_with_its_instant():
@@ -310,6 +513,52 @@ def test_the_state_at_the_end_of_bounces_moves_with_its_instant():
     rest = run.derivatives(["e"]).events.iloc[-1]
     u = run.events["u"].iloc[-1]
     assert rest["du/de"] == pytest.approx(-u * 8.0 * math.sqrt(2.0 / 9.8), abs=1e-8)
+    assert abs(run.derivatives(["e"]).final.loc["u", "e"]) < 1e-11
+
+
+def test_two_bodies_at_rest_on_each_other_move_as_their_centre():
+    """Both have the frequency 1: the centre follows x'' = -x + f/M, whatever the impacts are."""
+    system = mi.System(
+        states=("x", "z", "v", "w"),
+        flow=lambda mode, t, y, p: (y.v, y.w, p.f - y.x, 0.5 - y.z),
+        parameters={"e": 0.5, "f": -0.5},
+        initial={"x": 0.1, "v": 1.0},
+        masses={"v": 1.0, "w": 2.0},
+        parts=[mi.Stopper("stop", "x", "v", lower=0.0, restitution="e", against=("z", "w"))],
+    )
+    run = mi.simulate(system, duration=5.0, options=INTERPRETED)
+    found = run.derivatives(["e", "f", "x0.x", "x0.z", "x0.v"])
+    rest = found.events.iloc[-1]
+    assert rest["kind"] == "chatter ends"
+    part = np.array([[0.0, 1.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0, 1.0 / 3.0]])
+    position = part * [0.0, 1.0 - math.cos(5.0), math.cos(5.0), math.cos(5.0), math.sin(5.0)]
+    speed = part * [0.0, math.sin(5.0), -math.sin(5.0), -math.sin(5.0), math.cos(5.0)]
+    exact = np.vstack([position, position, speed, speed])
+    np.testing.assert_allclose(found.final, exact, rtol=0, atol=1e-9)
+    later = run.events["v"].iloc[-1] * rest["dt/de"]
+    assert rest["dx/de"] == pytest.approx(later, abs=1e-9)
+
+
+def test_a_stop_by_friction_between_the_last_impact_and_the_end_of_chatter():
+    def run(e):
+        system = mi.System(
+            states=("x", "v", "z", "w"),
+            flow=lambda mode, t, y, p: (y.v, -0.3 * y.x, y.w, 1.0),
+            parameters={"e": e},
+            initial={"x": 0.1},
+            masses={"v": 1.0, "w": 0.5},
+            parts=[
+                mi.Friction("ground", "v", mu=2.0),
+                mi.Stopper("stop", "z", "w", upper=0.0, restitution="e", against=("x", "v")),
+            ],
+        )
+        return mi.simulate(system, duration=1.0, options=FINE)
+
+    log = run(0.5).events.iloc[-2:]
+    assert log["mode after"].tolist() == ["forward-free", "stuck-held"]
+    exact = sixth_order_difference(lambda h: np.array(run(0.5 + h).final.x), 1e-5)
+    found = run(0.5).derivatives(["e"]).final["e"]
+    assert found.tolist() == pytest.approx([exact, 0.0, exact, 0.0], abs=1e-10)
 
 
 @pytest.mark.parametrize("name", ["threshold", "count", "spare"])

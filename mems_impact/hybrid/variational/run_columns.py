@@ -39,8 +39,10 @@ from mems_impact.hybrid.variational.flow import (
 )
 from mems_impact.hybrid.variational.saltation import (
     VariationalWorkspace,
+    copy,
     differentiate_event,
     integrate,
+    integrate_backward,
     just_before,
     margin_error,
     project,
@@ -70,8 +72,8 @@ class ColumnPath(NamedTuple):
         periods before the time base.
     starts : float array, shape (N, n)
         States at the start; nan where the piece continues the piece before.
-    ends : float array, shape (N, n)
-        States after the event.
+    arrivals, ends : float array, shape (N, n)
+        States before and after the event; nan for a cyclic component before it.
     period_rates : float array, shape (s,)
     switch_rates : float array, shape (N, s)
         Derivatives of the time of a switch.
@@ -81,8 +83,8 @@ class ColumnPath(NamedTuple):
         Relative and absolute tolerance of the run, time scale, period.
     clock : int
         Index of the time base in the parameters, or -1.
-    y : float array, shape (n (1 + s),)
-        State and columns.
+    y, y_start : float arrays, shape (n (1 + s),)
+        State and columns, and those at the start of the arc.
     before, after : float array, shape (N, n, s)
         Output: columns at the end of each piece, before and after its event.
     slopes : float array, shape (N, 2, n)
@@ -94,8 +96,6 @@ class ColumnPath(NamedTuple):
         error.
     first_margins : float array, shape (2 m,)
         Margins before the first event of the present instant.
-    first_instants : float array, shape (s,)
-        Derivatives of the instant from which a body rests.
     """
 
     variational: VariationalWorkspace
@@ -103,6 +103,7 @@ class ColumnPath(NamedTuple):
     pieces: Any
     times: Any
     starts: Any
+    arrivals: Any
     ends: Any
     period_rates: Any
     switch_rates: Any
@@ -110,13 +111,13 @@ class ColumnPath(NamedTuple):
     tolerances: Any
     clock: int
     y: Any
+    y_start: Any
     before: Any
     after: Any
     slopes: Any
     instants: Any
     margins: Any
     first_margins: Any
-    first_instants: Any
 
 
 def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
@@ -126,14 +127,15 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
     its consequence; or -2 - i if piece i cannot be integrated.
     """
     w, s = path.variational, path.columns
-    n, y, slope = w.n, path.y, w.work[8]
+    n, y, slope, first_of_arc = w.n, path.y, w.work[8], first
     for i in range(block.size):
         interface.set_parameter(engine, i, block[i])
     for i in range(first, path.pieces.shape[0]):
         mode, kind = path.pieces[i, 0], path.pieces[i, 1]
         start, end = path.times[i, 0], path.times[i, 1]
         set_clock(engine, path, i)
-        if path.starts[i, 0] == path.starts[i, 0]:
+        is_first = path.starts[i, 0] == path.starts[i, 0]
+        if is_first:
             for j in range(n):
                 y[j] = path.starts[i, j]
         if path.times[i, 2] != 0.0:
@@ -141,15 +143,25 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
             for j in range(n):
                 for c in range(s):
                     y[n + s * j + c] += path.times[i, 2] * slope[j] * path.period_rates[c]
+        if is_first:
+            first_of_arc = i
+            copy(y, path.y_start)
         if kind == ACCUMULATION:
-            mode = rest(engine, i, path)
+            # Samples after the last impact belong to its flight.
+            start = path.times[first_of_arc, 0]
+            copy(path.y_start, y)
+            for c in range(s):
+                path.instants[i, c] = path.instants[first_of_arc - 1, c] if first_of_arc else 0.0
+            keep_columns(i, path)
+            # The motion until the end of the sequence is that in contact from the last impact on.
+            mode = jump_at(engine, i, mode, w.m + path.pieces[i, 2], start, path)
         if w.constrained[mode] == 1:
             project(engine, mode, start, y, w)
         if end > start and not integrate(engine, mode, y, start, end, w, approaches=False):
             return -2 - i
-        for j in range(n):
-            for c in range(s):
-                path.before[i, j, c] = path.after[i, j, c] = y[n + s * j + c]
+        if kind == ACCUMULATION and mode != path.pieces[i, 3]:
+            mode = stop(engine, i, mode, path)
+        keep_columns(i, path)
         if kind in (SAMPLE, ACCUMULATION, APPROACH):
             # The limit from the left, before a switch of the drive.
             interface.flow(engine, mode, just_before(end) if end > start else end, y, slope)
@@ -170,13 +182,18 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
 
 def approach(engine: Any, i: int, slope: Any, path: Any) -> None:
     """Write the derivatives of the instant at which the rate of a margin is zero."""
-    w, s, y = path.variational, path.columns, path.y
-    n, row = w.n, w.m + path.pieces[i, 2]
-    differentiate_event(engine, path.pieces[i, 0], 2 * w.m, path.times[i, 1], y, w)
-    change = rate_along(w.margin[row], slope, n)
+    w = path.variational
+    differentiate_event(engine, path.pieces[i, 0], 2 * w.m, path.times[i, 1], path.y, w)
+    differentiate_instant(i, w.m + path.pieces[i, 2], slope, path)
+
+
+def differentiate_instant(i: int, row: int, flow: Any, path: Any) -> None:
+    """Write the derivatives of the instant at which a margin, or its rate, is zero."""
+    n, s, derivatives = path.variational.n, path.columns, path.variational.margin[row]
+    rate = rate_along(derivatives, flow, n)
     for c in range(s):
-        shift = column_of(w.margin[row], y, n, s, c)
-        path.instants[i, c] = -shift / change if change != 0.0 else math.nan
+        shift = column_of(derivatives, path.y, n, s, c)
+        path.instants[i, c] = -shift / rate if rate != 0.0 else math.nan
 
 
 def column_of(row: Any, y: Any, n: int, s: int, c: int) -> float:
@@ -207,8 +224,10 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
     w, s = path.variational, path.columns
     n, m, y, t = w.n, w.m, path.y, path.times[i, 1]
     mode, kind, guard = path.pieces[i, 0], path.pieces[i, 1], path.pieces[i, 2]
-    margin, jump = w.margin, w.jump
-    before, after = w.work[8], w.work[9]
+    margin, before = w.margin, w.work[8]
+    for j in range(n):
+        if path.arrivals[i, j] == path.arrivals[i, j]:
+            y[j] = path.arrivals[i, j]
     # The limit from the left, before a switch of the drive.
     interface.flow(engine, mode, just_before(t), y, before)
     code = guard if kind == TRANSITION else 2 * m
@@ -226,11 +245,10 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
         if own and not is_later and path.records[guard] == 0:
             return False
         path.first_margins[guard] = math.inf  # what another event makes happen again follows it
-        for c in range(s):
-            if own:
-                shift = column_of(row, y, n, s, c)
-                path.instants[i, c] = -shift / rate if rate != 0.0 else math.nan
-            else:
+        if own:
+            differentiate_instant(i, guard, before, path)
+        else:
+            for c in range(s):
                 path.instants[i, c] = path.instants[i - 1, c]
         if path.records[guard] == 1:
             return True
@@ -240,7 +258,26 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
     for j in range(n):
         path.slopes[i, 0, j] = before[j]
         y[j] = path.ends[i, j]
-    interface.flow(engine, path.pieces[i, 3], t, y, after)
+    apply_jump(engine, i, path.pieces[i, 3], t, before, path)
+    return True
+
+
+def keep_columns(i: int, path: Any) -> None:
+    """Store the columns as those before and after the event of piece `i`."""
+    n, s = path.variational.n, path.columns
+    for j in range(n):
+        for c in range(s):
+            path.before[i, j, c] = path.after[i, j, c] = path.y[n + s * j + c]
+
+
+def apply_jump(engine: Any, i: int, mode: int, t: float, before: Any, path: Any) -> None:
+    """Write the columns after an event, from those before it and the derivatives of its instant.
+
+    `mode` and the state are those after it, `before` is the flow before it.
+    """
+    w, s, y = path.variational, path.columns, path.y
+    n, jump, after = w.n, w.jump, w.work[9]
+    interface.flow(engine, mode, t, y, after)
     for j in range(n):
         path.slopes[i, 1, j] = after[j]
         # A motion whose event is later follows the flow before it for longer.
@@ -252,43 +289,46 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
             for k in range(n):
                 value += jump[j, 1 + k] * path.before[i, k, c]
             path.after[i, j, c] = value
-    return True
 
 
-def rest(engine: Any, i: int, path: Any) -> int:
-    """Propagate state and columns through the impact without rebound at the end of chatter.
+def stop(engine: Any, i: int, mode: int, path: Any) -> int:
+    """Propagate state and columns through the event between last impact and end of chatter.
 
-    It happens where the gap of a perturbed motion is zero, as all later impacts do, up to a time
-    that their speeds make small. Friction may have stopped a body that the impacts moved: the flow
-    after it is the flow at the logged end. Return the mode of contact.
+    Friction has stopped a body that the impacts moved. Return the mode after it.
     """
-    w, s = path.variational, path.columns
-    mode, guard, t = path.pieces[i, 0], path.pieces[i, 2], path.times[i, 0]
-    n, m, y = w.n, w.m, path.y
-    margin, jump, column = w.margin, w.jump, w.work[5]
-    before, after = w.work[8], w.work[9]
-    differentiate_event(engine, mode, m + guard, t, y, w)
-    interface.flow(engine, mode, t, y, before)
-    rate = rate_along(margin[guard], before, n)
-    for c in range(s):
-        gap = column_of(margin[guard], y, n, s, c)
-        path.first_instants[c] = -gap / rate if rate != 0.0 else 0.0
-        for j in range(n):
-            y[n + s * j + c] += before[j] * path.first_instants[c]
-        for j in range(n):
-            column[j] = jump[j, n + 2 + c] + jump[j, n + 1] * path.first_instants[c]
-            for k in range(n):
-                column[j] += jump[j, 1 + k] * y[n + s * k + c]
-        for j in range(n):
-            y[n + s * j + c] = column[j]
-    contact: int = path.pieces[i, 3]
-    for j in range(n):
-        y[j] = path.ends[i, j]
-    interface.flow(engine, contact, t, y, after)
-    for j in range(n):
+    w, y, end = path.variational, path.y, path.times[i, 1]
+    differentiate_event(engine, mode, 2 * w.m, end, y, w)
+    for guard in range(w.m):
+        margin, rate = w.margin[guard, 0], w.margin[w.m + guard, 0]
+        if guard == path.pieces[i, 2] or not (margin < 0.0 and rate < 0.0):
+            continue
+        t = end - margin / rate
+        integrate_backward(engine, mode, y, end, t, w.work)
+        keep_columns(i, path)
+        mode = jump_at(engine, i, mode, guard, t, path)
+        if integrate(engine, mode, y, t, end, w, approaches=False):
+            return mode
+    y[w.n :] = math.nan
+    return mode
+
+
+def jump_at(engine: Any, i: int, mode: int, code: int, t: float, path: Any) -> int:
+    """Propagate state and columns through a transition that the run has not logged.
+
+    The columns before it are those of piece `i`, and the derivatives of its instant, unless it
+    happens at a margin. Return the mode after it.
+    """
+    w, s, y, before = path.variational, path.columns, path.y, path.variational.work[8]
+    interface.flow(engine, mode, just_before(t), y, before)
+    differentiate_event(engine, mode, code, t, y, w)
+    if code < w.m:
+        differentiate_instant(i, code, before, path)
+    mode_after: int = interface.transition(engine, mode, code, t, y)
+    apply_jump(engine, i, mode_after, t, before, path)
+    for j in range(w.n):
         for c in range(s):
-            y[n + s * j + c] -= after[j] * path.first_instants[c]
-    return contact
+            y[w.n + s * j + c] = path.after[i, j, c]
+    return mode_after
 
 
 # --- Columns along a run
@@ -486,8 +526,11 @@ class RunColumns:
                 switch_rates[i] += later_periods * self._quantities.period_rates
             shift, time, mode, reached = 0, end, mode_after, (cycle, instant)
         happens = ~np.isin([kind for _, kind, *_ in pieces], (SAMPLE, *inside))
-        starts, ends = np.full((1 + count, n), np.nan), np.zeros((count, n))
+        starts, arrivals = np.full((2, 1 + count, n), np.nan)
+        ends = np.zeros((count, n))
         starts[0], ends[happens] = start.y, log.after[rows[happens]]
+        arrivals[:-1][happens] = log.before[rows[happens]]
+        arrivals[:, ~self._moving] = np.nan
         starts[1:][happens] = ends[happens]
         for states in (starts, ends):
             states[:, ~self._moving] *= 0.0
@@ -499,6 +542,7 @@ class RunColumns:
             pieces=np.array(pieces, dtype=np.int64).reshape(count, 4),
             times=np.array(times, dtype=float).reshape(count, 4),
             starts=starts[:count],
+            arrivals=arrivals[:count],
             ends=ends,
             period_rates=np.ascontiguousarray(self._quantities.period_rates),
             switch_rates=switch_rates,
@@ -506,13 +550,13 @@ class RunColumns:
             tolerances=np.array([options.rtol, options.atol, problem.time_scale or period, period]),
             clock=-1 if automaton.clock is None else automaton.clock,
             y=y,
+            y_start=y.copy(),
             before=np.zeros((count, n, s)),
             after=np.zeros((count, n, s)),
             slopes=np.zeros((count, 2, n)),
             instants=np.zeros((count, s)),
             margins=np.zeros((count, 3)),
             first_margins=np.zeros(2 * len(automaton.guards)),
-            first_instants=np.zeros(s),
         )
         return rows, path
 
@@ -610,6 +654,7 @@ class RunColumns:
             pieces=np.array([[mode, TRANSITION, guard, mode_after]]),
             times=np.array([[t, t, 0.0, base]]),
             starts=state[None].astype(float),
+            arrivals=np.full((1, n), np.nan),
             ends=end[None],
             y=np.concatenate([state, columns.ravel()]),
             before=np.zeros((1, n, s)),
