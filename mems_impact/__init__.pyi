@@ -154,15 +154,15 @@ from .actuator.design.estimates import pull_in_charge as pull_in_charge
 from .actuator.design.estimates import resting_voltage as resting_voltage
 from .actuator.design.walking_drive import walking_drive as walking_drive
 from .actuator.design.step_length import step_length as step_length
-from .actuator.design.characteristics import speed_over_voltage as speed_over_voltage
-from .actuator.design.characteristics import SpeedOverVoltage as SpeedOverVoltage
-from .actuator.design.characteristics import period_one_window as period_one_window
-from .actuator.design.characteristics import PeriodOneWindow as PeriodOneWindow
+from .actuator.design.characteristic import characteristic as characteristic
+from .actuator.design.characteristic import Characteristic as Characteristic
+from .actuator.design.period_one_window import period_one_window as period_one_window
+from .actuator.design.period_one_window import PeriodOneWindow as PeriodOneWindow
 from .actuator.design.chart_construction import operating_chart as operating_chart
 from .actuator.design.operating_chart import OperatingChart as OperatingChart
 from .actuator.results import BlowStatistics as BlowStatistics
-from .actuator.design.characteristics import duty_cycle as duty_cycle
-from .actuator.design.characteristics import DutyCycle as DutyCycle
+from .actuator.design.duty_cycle import duty_cycle as duty_cycle
+from .actuator.design.duty_cycle import DutyCycle as DutyCycle
 from .actuator.design.energy import energy as energy
 from .actuator.design.energy import Energy as Energy
 from .actuator.design.wear import life as life
@@ -177,8 +177,6 @@ from .actuator.design.closing import closing as closing
 from .actuator.design.closing import Closing as Closing
 from .actuator.design.soft_landing import soft_landing as soft_landing
 from .actuator.design.soft_landing import SoftLanding as SoftLanding
-from .actuator.design.characteristics import frequency_response as frequency_response
-from .actuator.design.characteristics import FrequencyResponse as FrequencyResponse
 from .actuator.design.targets import Target as Target
 
 # Figures
@@ -200,7 +198,7 @@ from .plotting.uncertainty import plot_pareto as plot_pareto
 from .actuator.plots.drive import plot_drive as plot_drive
 from .actuator.plots.energy import plot_energy as plot_energy
 from .actuator.plots.force_curve import plot_force_curve as plot_force_curve
-from .actuator.plots.response import plot_response as plot_response
+from .actuator.plots.characteristic import plot_characteristic as plot_characteristic
 from .actuator.plots.chart import plot_chart as plot_chart
 from .actuator.plots.closing import plot_closing as plot_closing
 from .plotting.animation import animate as animate

@@ -25,7 +25,7 @@ PICTURES = {
     ("analysis.branch", "Branch"): "plot_branch",
     ("analysis.curve", "Curve"): "plot_curve",
     ("actuator.design.operating_chart", "OperatingChart"): "plot_chart",
-    ("actuator.design.characteristics", "FrequencyResponse"): "plot_response",
+    ("actuator.design.characteristic", "Characteristic"): "plot_characteristic",
     ("actuator.design.closing", "Closing"): "plot_closing",
     ("actuator.design.energy", "Energy"): "plot_energy",
     ("actuator.design.force_curve", "ForceCurve"): "plot_force_curve",

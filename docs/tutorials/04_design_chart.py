@@ -32,8 +32,10 @@ print(f"{window.low:.4f} ({window.low_kind}) to {window.high:.4f} ({window.high_
 # %%
 # Speed and steps over that window, and the finest step, the resolution of the device:
 
-speeds = mi.speed_over_voltage(actuator, drive, np.linspace(0.18, 0.25, 8), periods=40)
-print(speeds.table[["amplitude", "displacement per period", "mean speed"]].to_string(index=False))
+speeds = mi.characteristic(
+    actuator, drive, "amplitude", np.linspace(0.18, 0.25, 8), direction="down"
+)
+print(speeds.table[["amplitude", "displacement per blow", "mean speed"]].to_string(index=False))
 print(f"finest step {speeds.resolution():.2e}")
 
 # %%

@@ -213,6 +213,11 @@ class ActuatorNumerics(HybridSystem):
         """
         return self._featuring(self._until, True)
 
+    @property
+    def without_integrals(self) -> Self:
+        """The system without energy accounting."""
+        return self._featuring(self._until, False) if self.includes_energy else self
+
     def _sorted(
         self, values: Mapping[str, float], *, checked: bool = False
     ) -> tuple[dict[str, float], dict[str, Any], dict[str, float]]:

@@ -20,6 +20,7 @@ from mems_impact._util.formatting import stability_name
 from mems_impact._util.progress import progress_bar
 from mems_impact._util.warning_scopes import collected_warnings, first_of_each
 from mems_impact.actuator.actuator import Actuator
+from mems_impact.actuator.design.characteristic import Characteristic, characteristic
 from mems_impact.actuator.design.chart_construction import operating_chart
 from mems_impact.actuator.design.data_sheet import SLIPS, DataSheet
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
@@ -30,9 +31,11 @@ from mems_impact.actuator.design.estimates import (
     pull_in_voltage,
     resting_voltage,
 )
-from mems_impact.actuator.design.wear import life
+from mems_impact.actuator.design.force_curve import force_curve
+from mems_impact.actuator.design.period_one_window import period_one_window
+from mems_impact.actuator.design.walking_drive import find_walk, snap_drive
+from mems_impact.actuator.design.wear import life, mean_normal_force
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.geometry.geometry import PREFIX
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, numbers_for
 from mems_impact.actuator.report_page import (
@@ -55,8 +58,8 @@ from mems_impact.analysis.attractor import RecurrenceOptions
 from mems_impact.analysis.orbit import find_orbit
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.steady_state import steady_state
-from mems_impact.errors import Interrupted, InvalidParameter, MemsImpactError, OrbitError
-from mems_impact.studies.sweep import sweep
+from mems_impact.errors import Interrupted, InvalidParameter, MemsImpactError, OrbitError, RunError
+from mems_impact.studies.sampling import distributions
 from mems_impact.studies.uncertainty import Specification, tolerance_analysis
 from mems_impact.systems.settling import SETTLED
 from mems_impact.systems.state import State, is_number, whole
@@ -65,7 +68,6 @@ from mems_impact.tables import unit_of
 if TYPE_CHECKING:
     import pandas as pd
 
-
 __all__ = ["report"]
 
 OSCILLATIONS = {"transient": 1000.0, "periods": 200.0}
@@ -73,9 +75,10 @@ OSCILLATIONS = {"transient": 1000.0, "periods": 200.0}
 MIN_PERIODS, MAX_PERIODS = 4, {"transient": 300, "periods": 60}
 """Forcing periods of transient and measurement."""
 LEAST_STEP = 1e-6  # of delta; smaller ones are rounding errors
-COUNTS = {"voltages": 41, "crises": 2, "slips": 7, "samples": 64}
-QUICK_COUNTS = {"voltages": 13, "crises": 0, "slips": 3, "samples": 16}
-"""Voltages of the sweep, simulated frequencies of the chart, those if the frame slips, devices."""
+COUNTS = {"voltages": 25, "frequencies": 17, "crises": 2, "slips": 9, "samples": 64}
+QUICK_COUNTS = {"voltages": 9, "frequencies": 7, "crises": 0, "slips": 3, "samples": 16}
+"""Voltages and frequencies of curves, simulated frequencies of the chart, those if the frame slips,
+devices."""
 RESONANCES = {
     1: ", around the resonance",
     2: ", around half the resonance, which the force excites with twice the frequency",
@@ -83,9 +86,9 @@ RESONANCES = {
 """Where the chart lies, by the forcing periods in a period of the voltage."""
 SWEEP_RANGE = (0.4, 1.3)  # of the drive's amplitude
 BELOW_PULL_IN = 0.8  # of the static pull-in voltage, at which the sweep begins at most
-SHOWN_VOLTAGES = 9  # rows of the table
-RESONANCE_RATIO = 20.0  # resonance over the frequency of the drive that is chosen if none is given
-OVERDRIVE = 1.2  # amplitude of that drive over the static pull-in voltage
+FREQUENCY_RANGE = (0.85, 1.15)  # of the drive's frequency
+WINDOW_RANGE = (0.5, 1.5)  # of the drive's amplitude, in which its window is sought
+SHOWN_ROWS = 9  # of the table of a curve
 WEAR = {"wear": (1e-13, "m^2/N"), "area": (1e-8, "m^2"), "depth": (1e-7, "m")}
 """Assumed wear rate (of polysilicon), contact area (of a foot of 0.1 mm) and depth; SI units."""
 STEP_TOLERANCE = 0.2  # relative deviation of the step that the specification allows
@@ -94,6 +97,7 @@ SPREAD = {"k": 0.03, "d": 0.02, "delta": 0.02, "e": 0.02, "friction": 0.05}
 DRAWN_SPREAD = {"undercut": "0.05 um", "thickness": "1%", "youngs_modulus": "2%"}
 """Standard deviations of the process in place of those of k, d and delta, for a drawn device."""
 QUANTILES = (0.05, 0.5, 0.95)
+CORNERS = (0.025, 0.975)  # quantiles of a distribution
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ class ReportMaker:
 
     actuator: Actuator
     drive: Drive
-    chosen: bool
+    choice: str
     counts: Mapping[str, int]
     lengths: Mapping[str, int]
     seed: int
@@ -135,10 +139,11 @@ class ReportMaker:
     @cached_property
     def run(self) -> ActuatorRun:
         """The steady state."""
+        return self._settled(self.system)
+
+    def _settled(self, system: ActuatorSystem) -> ActuatorRun:
         first, length = self.lengths["transient"], self.lengths["periods"]
-        run = simulate(
-            self.system, first + length, window=(first, first + length), initial=self.start
-        )
+        run = simulate(system, first + length, window=(first, first + length), initial=self.start)
         settled = steady_state(run)
         assert isinstance(settled, ActuatorRun)
         return settled
@@ -152,10 +157,14 @@ class ReportMaker:
             "Drive": self.waveform,
             "Motion": self.motion,
             "Operating chart": self.chart,
-            "Step and speed over the voltage": self.speed,
+            "Step and speed over the voltage": self.over_voltage,
+            "Step and speed over the frequency": self.over_frequency,
+            "Voltage window": self.window,
+            "Load curve": self.load_curve,
             "Energy": self.energy,
             "Life": self.life,
             "Tolerances": self.spread,
+            "Corners": self.corners,
         }
 
     @cached_property
@@ -259,12 +268,8 @@ class ReportMaker:
 
         system = self.system
         blocks: list[Block] = []
-        if self.chosen:
-            blocks.append(
-                f"No drive was given. The report takes a sine at {OVERDRIVE:g} times the static "
-                "pull-in voltage (of a comb drive, the voltage of contact), with "
-                f"1/{RESONANCE_RATIO:g} of the resonance frequency."
-            )
+        if self.choice:
+            blocks.append(f"No drive was given. {self.choice}")
         rows = {"waveform": type(self.drive).__name__}
         for name in self.drive.names:
             rows[name.replace("_", " ")] = self.text(
@@ -379,43 +384,74 @@ class ReportMaker:
             blocks.append("The chart omits voltages that only a simulation finds (crises).")
         return Content([*blocks, *_chart_tables(chart, self.text)], notes=chart.notes)
 
-    def speed(self) -> Content:
-        """Return a sweep over the voltage."""
-        name = self._voltage_name()
-        if not name:
+    def over_voltage(self) -> Content:
+        """Return the working points over the voltage."""
+        names = (each for each in self.drive.names if each.rpartition(".")[2] == "amplitude")
+        if not (name := next(names, "")):
             kind = type(self.drive).__name__
             return Content(problem=f"The {kind} drive has no amplitude to vary.")
-        speeds = sweep(
-            self.system, name, self._voltages(name), direction="both", initial=None,
-            steady=True, transient=self.lengths["transient"], periods=self.lengths["periods"],
-            workers=1,
-        )  # fmt: skip
-        summary = speeds.statistics
+        return self._curve(name, self._voltages(name))
+
+    def over_frequency(self) -> Content:
+        """Return the working points over the frequency."""
+        name = self.system.frequency_parameter
+        if name not in self.drive.names:
+            kind = type(self.drive).__name__
+            return Content(problem=f"The {kind} drive has no frequency to vary.")
+        low, high = (part * self.system.parameters[name] for part in FREQUENCY_RANGE)
+        return self._curve(name, np.linspace(low, high, self.counts["frequencies"]))
+
+    def _curve(self, name: str, values: Any) -> Content:
+        """Return the working points over a parameter of the drive."""
+        from mems_impact.actuator.plots.characteristic import plot_characteristic
+
+        more: dict[str, Any] = {**self.lengths, **(self.wear if self.si else {})}
+        try:
+            mean_normal_force(self.system, 0.0, 0.0)
+        except InvalidParameter:  # the section on the life says why
+            more = {**self.lengths}
+        found = characteristic(self.actuator, self.drive, name, values, workers=1, **more)
+        table = found.table
         text = (
-            "The amplitude is raised from rest and lowered from a kick; each value starts from the "
-            "motion at the previous one."
+            f"The {name} is raised from rest and lowered from a kick; each value starts from the "
+            "motion at the previous one, and is computed in the steady state. Markers are computed."
         )
         blocks: list[Block] = [text]
-        if not summary["impacting"].any():
-            blocks.append("The block strikes at none of these voltages.")
+        if not table["impacting"].any():
+            blocks.append("The block strikes at none of these values.")
         blocks.append(
-            picture(
-                lambda: plot_speed(speeds.table),
-                "Step per cycle and mean speed of the frame over the amplitude.",
-            )
-        )
-        blocks.append(self._speed_rows(summary, name))
-        best = summary.loc[summary["mean speed"].abs().idxmax()] if len(summary) else None
+            picture(lambda: plot_characteristic(found).figure,
+                    "Filled: raised from rest; hollow: lowered from a kick.")
+        )  # fmt: skip
+        blocks.append(self._working_points(found))
+        best = table.loc[table["mean speed"].abs().fillna(0.0).idxmax()]
         facts = {}
-        if best is not None and abs(best["mean speed"]) > 0.0:
+        if abs(best["mean speed"]) > 0.0:
             at = self.text(best[name], self.system.units.get(name, ""))
-            facts = {"largest speed": f"{self.text(best['mean speed'], 'm/s')} at {at}"}
+            speed = self.text(best["mean speed"], "m/s")
+            facts = {f"largest speed over the {name}": f"{speed} at {at}"}
         return Content(blocks, facts)
 
-    def _voltage_name(self) -> str:
-        """Return the first amplitude of the drive; empty if it has none."""
-        names = (each for each in self.drive.names if each.rpartition(".")[2] == "amplitude")
-        return next(names, "")
+    def _working_points(self, found: Characteristic) -> Listing:
+        """Return some of the working points from a kick, in ascending order."""
+        name, rows = found.parameter, found.table
+        rows = rows[rows["direction"] == "down"].iloc[::-1]
+        chosen = np.unique(np.linspace(0, len(rows) - 1, SHOWN_ROWS).round().astype(int))
+        columns = {
+            name: (name, self.system.units.get(name, "")),
+            "blows per cycle": ("blows per period", ""),
+            "step per blow": ("displacement per blow", "m"),
+            "mean speed": ("mean speed", "m/s"),
+            "energy per blow": ("energy in per blow", "J"),
+            "power": ("power in", "W"),
+        }
+        cells = []
+        for row in rows.iloc[chosen].to_dict("records"):
+            cells.append([self.text(row[column], unit) for column, unit in columns.values()])
+            if "life" in row:
+                cells[-1].append(duration(row["life"]))
+        headings = [*columns, *(["life"] if "life" in rows else [])]
+        return listing(headings, cells, range(len(headings)), "Some working points, from a kick")
 
     def _voltages(self, name: str) -> Any:
         if self.voltages is not None:
@@ -429,20 +465,53 @@ class ReportMaker:
             raise InvalidParameter(name, present, "", problem=problem)
         return np.linspace(low, high, self.counts["voltages"])
 
-    def _speed_rows(self, summary: pd.DataFrame, name: str) -> Listing:
-        rows = []
-        chains = dict(iter(summary.set_index(name).groupby("direction")))
-        chosen = np.linspace(0, len(chains["up"]) - 1, SHOWN_VOLTAGES).round().astype(int)
-        for value in chains["up"].index[np.unique(chosen)]:
-            cells = [self.text(value, self.system.units.get(name, ""))]
-            for column, unit in (("displacement per period", "m"), ("mean speed", "m/s")):
-                cells += [
-                    self.text(chains[direction].loc[value, column], unit)
-                    for direction in ("up", "down")
-                ]
-            rows.append(cells)
-        headings = (name, "step per cycle, raised", "lowered", "mean speed, raised", "lowered")
-        return listing(headings, rows, range(5), "Some of the values")
+    def window(self) -> Content:
+        """Return the voltages between which equal blows are stable."""
+        present = self.system.parameters.get("amplitude")
+        if present is None:
+            kind = type(self.drive).__name__
+            return Content(problem=f"The {kind} drive has no amplitude to vary.")
+        ends = (WINDOW_RANGE[0] * present, WINDOW_RANGE[1] * present)
+        found = period_one_window(
+            self.actuator, self.drive, ends, guess=self.start,
+            transient=self.lengths["transient"],
+        )  # fmt: skip
+        unit = self.system.drive_unit
+        rows = {
+            "lower end": f"{self.text(found.low, unit)} ({_end_in_words(found.low_kind)})",
+            "upper end": f"{self.text(found.high, unit)} ({_end_in_words(found.high_kind)})",
+            "margin": f"± {percent(found.margin)}",
+        }
+        text = (
+            "Between these amplitudes the motion with equal blows in every cycle is stable, at the "
+            "frequency of the drive. The margin is the tolerance of a voltage in the middle."
+        )
+        between = f"{self.text(found.low, unit)} to {self.text(found.high, unit)}"
+        return Content([text, values(rows)], {"voltage window": between})
+
+    def load_curve(self) -> Content:
+        """Return the speed over an opposing load."""
+        from mems_impact.actuator.plots.force_curve import plot_force_curve
+
+        lengths: dict[str, Any] = {**self.lengths}
+        curve = force_curve(self.actuator, self.drive, initial=self.start, **lengths)
+        rows = {
+            "stall force, against which it walks": self.text(curve.stall_force, "N"),
+            "load that static friction holds without voltage": self.text(curve.holding_force, "N"),
+            "load up to which every slip ends": self.text(curve.sliding_force, "N"),
+        }
+        cells = [
+            (self.text(row["load"], "N"), self.text(row["mean speed"], "m/s"),
+             self.text(row["power"], "W"), str(row["does"]))
+            for row in curve.table.to_dict("records")
+        ]  # fmt: skip
+        headings = ("load", "mean speed", "mechanical power", "the frame")
+        figure = picture(lambda: plot_force_curve(curve).figure, "Mean speed over the load.")
+        blocks: list[Block] = [
+            "A force on the frame, against motion to the right.", values(rows), figure,
+            listing(headings, cells, range(3)),
+        ]  # fmt: skip
+        return Content(blocks, {"stall force": self.text(curve.stall_force, "N")})
 
     def energy(self) -> Content:
         """Return the energy balance."""
@@ -550,6 +619,53 @@ class ReportMaker:
         ]
         return Content(blocks, {"yield": percent(last["share"])})
 
+    def corners(self) -> Content:
+        """Return the quantities of devices at the ends of each tolerance, and of all together."""
+        over, making, _ = self._tolerances()
+        spread = distributions(over, self.system)
+        middle = {name: float(each.ppf(0.5)) for name, each in spread.items()}
+        ends = {name: [float(each.ppf(q)) for q in CORNERS] for name, each in spread.items()}
+        steps: dict[str, list[float]] = {}
+        rows = [self._corner("nominal", {}, making)[0]]
+        for name, pair in ends.items():
+            for word, value in zip(("low", "high"), pair, strict=True):
+                row, step = self._corner(f"{name} {word}", {**middle, name: value}, making)
+                steps.setdefault(name, []).append(step)
+                rows.append(row)
+        for word, choose in (("smallest", np.nanargmin), ("largest", np.nanargmax)):
+            known = {name: pair for name, pair in steps.items() if not np.isnan(pair).any()}
+            worst = {name: ends[name][int(choose(np.abs(pair)))] for name, pair in known.items()}
+            rows.append(self._corner(f"{word} step, all", {**middle, **worst}, making)[0])
+        text = (
+            "Devices at the 2.5 % and 97.5 % quantiles of one tolerance at a time, and of all at "
+            "once where each gives the smaller or the larger step; under the same drive."
+        )
+        headings = ("corner", "pull-in", "resonance", "blows per cycle", "step per cycle",
+                    "mean speed")  # fmt: skip
+        return Content([text, listing(headings, rows, range(1, 6))])
+
+    def _corner(
+        self, name: str, drawn: Mapping[str, float], making: Any
+    ) -> tuple[tuple[str, ...], float]:
+        """Return a row of the table of corners, and the step per cycle; NaN if a run fails."""
+        chosen = drawn if making is None or not drawn else making(**drawn)
+        system = self.system.changed(**chosen)
+        device = system.actuator
+        pull_in = step = speed = blows = math.nan
+        with contextlib.suppress(InvalidParameter):
+            pull_in = contact_voltage(device)
+        with contextlib.suppress(RunError):
+            statistics = self._settled(system).statistics
+            step, speed, blows = (
+                float(statistics[f"{each} per period" if each != "mean speed" else each])
+                for each in ("displacement", "mean speed", "blows")
+            )
+        resonance = math.sqrt(device.k / device.m2)
+        resonance = resonance / (2.0 * math.pi) if self.si else resonance
+        cells = (self.text(pull_in, "V"), self.text(resonance, "Hz"), self.text(blows, ""),
+                 self.text(step, "m"), self.text(speed, "m/s"))  # fmt: skip
+        return (name, *cells), step
+
     def _bound(self, row: Mapping[str, Any], end: str) -> str:
         value = float(row[end])
         unit = unit_of(str(row["quantity"]), COLUMN_UNITS)
@@ -602,22 +718,9 @@ class Content(NamedTuple):
     problem: str = ""
 
 
-def plot_speed(table: pd.DataFrame) -> Any:
-    """Return a figure of step per cycle and mean speed over the parameter of a sweep."""
-    from mems_impact.plotting.bifurcation import plot_sweep
-    from mems_impact.plotting.labels import letter_panels
-    from mems_impact.plotting.style import new_figure
-
-    figure = new_figure(1.5)
-    panels = figure.subplots(2)
-    for panel, quantity in zip(panels, ("displacement per period", "mean speed"), strict=True):
-        plot_sweep(table, panel, quantity=quantity)
-    panels[0].set_xlabel("")
-    panels[0].tick_params(labelbottom=False)
-    if (legend := panels[1].get_legend()) is not None:
-        legend.remove()
-    letter_panels(panels)
-    return figure
+def _end_in_words(kind: str) -> str:
+    """Return the kind of an end of a window; "bound" is the end of the search."""
+    return "end of the search" if kind == "bound" else kind
 
 
 def _chart_tables(chart: Any, text: Callable[[float, str], str]) -> list[Block]:
@@ -681,14 +784,15 @@ def report(
     """Make a report on a device: one HTML page with tables and figures.
 
     The sections are data sheet and regime, pull-in and release, drive, motion, operating chart,
-    step and speed over the voltage, energy, life, and tolerances with the yield. A section that
-    cannot be computed says why; the others are unaffected.
+    step and speed over the voltage and over the frequency, voltage window, load curve, energy,
+    life, tolerances with the yield, and corners. A section that cannot be computed says why; the
+    others are unaffected.
 
     Parameters
     ----------
     actuator : Actuator
     drive : Drive, optional
-        By default a slow sine above the pull-in voltage.
+        By default that of `walking_drive`.
     path : str or os.PathLike, optional
         File of the page. The file is written after each section, so that an interruption keeps
         finished sections.
@@ -700,7 +804,7 @@ def report(
     only : sequence of str, optional
         Titles of the wanted sections; all by default.
     voltages : array_like of float or str, optional
-        Amplitudes of the sweep; by default 0.4 to 1.3 times the drive's.
+        Amplitudes of the curve over the voltage; by default 0.4 to 1.3 times the drive's.
     tolerances : mapping of str to distribution, optional
         Independent distributions of parameters; assumed tolerances by default. As `over` of
         `tolerance_analysis`.
@@ -742,7 +846,7 @@ def report(
 
     See Also
     --------
-    DeviceReport, DataSheet, operating_chart, speed_over_voltage, energy, life, tolerance_analysis
+    DeviceReport, DataSheet, operating_chart, characteristic, force_curve, tolerance_analysis
 
     Examples
     --------
@@ -755,8 +859,8 @@ def report(
     """
     if not isinstance(actuator, Actuator):
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
-    chosen = drive is None
-    system = actuator.under(_drive_for(actuator) if drive is None else drive)
+    drive, choice = _drive_for(actuator) if drive is None else (drive, "")
+    system = actuator.under(drive)
     counts = dict(QUICK_COUNTS if quick else COUNTS)
     if samples is not None:
         counts["samples"] = whole("samples", samples, 1)
@@ -777,7 +881,7 @@ def report(
     maker = ReportMaker(
         actuator=actuator,
         drive=_in_hertz(system),
-        chosen=chosen,
+        choice=choice,
         counts=counts,
         lengths=lengths,
         seed=int(seed),
@@ -838,18 +942,12 @@ def _computed(title: str, compute: Callable[[], Content]) -> ReportSection:
     )
 
 
-def _drive_for(actuator: Actuator) -> Drive:
-    """Return a slow sine above the pull-in voltage."""
+def _drive_for(actuator: Actuator) -> tuple[Drive, str]:
+    """Return a sine under which a device walks, or else one that should strike; and a sentence."""
     try:
-        voltage = contact_voltage(actuator)
-    except InvalidParameter as error:
-        problem = f"give one: the pull-in voltage is unknown ({error})"
-        raise InvalidParameter("drive", None, "", problem=problem) from None
-    if not voltage > 0.0:
-        problem = "give one: the block is on the stopper without voltage"
-        raise InvalidParameter("drive", None, "", problem=problem)
-    resonance = math.sqrt(actuator.k / actuator.m2)
-    return Sine(amplitude=OVERDRIVE * voltage, omega=resonance / RESONANCE_RATIO)
+        return find_walk(actuator).drive, "Simulation found this sine, under which the frame walks."
+    except OrbitError as error:
+        return snap_drive(actuator), f"No sine that was tried makes the frame walk: {error}."
 
 
 def _in_hertz(system: ActuatorSystem) -> Drive:

@@ -51,7 +51,6 @@ __all__ = [
     "duty",
     "impacts",
     "load",
-    "speed",
     "swings",
 ]
 
@@ -165,49 +164,20 @@ def chart_points(
     return table({}, labels, user_columns=columns)
 
 
-def speed(
-    parameter: str,
-    voltage: Floats,
-    impacts_per_period: Floats,
-    blows_per_period: Floats,
-    displacement_per_period: Floats,
-    period: float,
-    labels: Labels,
-) -> pd.DataFrame:
-    """Return one row per value of `parameter`, a voltage: steps and mean speed, in device units."""
+def load(rows: Sequence[tuple[float, float, float, str]], labels: Labels) -> pd.DataFrame:
+    """Return one row per load: displacement, mean speed and its error, power, motion.
 
-    def each(number: Floats) -> Floats:
-        missing = np.full(number.size, np.nan)
-        return np.divide(displacement_per_period, number, out=missing, where=number > 0.0)
-
-    columns = {
-        parameter: voltage,
-        "impacts per period": impacts_per_period,
-        "blows per period": blows_per_period,
-        "displacement per period": displacement_per_period,
-        "displacement per impact": each(impacts_per_period),
-        "displacement per blow": each(blows_per_period),
-        "mean speed": displacement_per_period / period,
-    }
-    return table({}, labels, user_columns=columns)
-
-
-def load(
-    force: Floats,
-    displacement_per_period: Floats,
-    speed: Floats,
-    does: Sequence[str],
-    by: Sequence[str],
-    labels: Labels,
-) -> pd.DataFrame:
-    """Return one row per load: displacement and mean speed, in device units."""
+    Rows have the load, the displacement per period and its error, in device units, and the motion.
+    """
+    force, moved, error = np.array([row[:3] for row in rows], dtype=float).reshape(-1, 3).T
+    period = float(labels.forcing_period)  # type: ignore[attr-defined]
     columns = {
         "load": force,
-        "displacement per period": displacement_per_period,
-        "mean speed": speed,
-        "power": force * speed,
-        "does": list(does),
-        "by": list(by),
+        "displacement per period": moved,
+        "mean speed": moved / period,
+        "mean speed error": error / period,
+        "power": force * moved / period,
+        "does": [row[3] for row in rows],
     }
     return table({}, labels, user_columns=columns)
 

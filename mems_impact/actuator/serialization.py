@@ -9,12 +9,9 @@ from typing import Any
 import numpy as np
 
 from mems_impact.actuator.actuator import Actuator
-from mems_impact.actuator.design.characteristics import (
-    DutyCycle,
-    FrequencyResponse,
-    SpeedOverVoltage,
-)
+from mems_impact.actuator.design.characteristic import Characteristic
 from mems_impact.actuator.design.closing import Closing
+from mems_impact.actuator.design.duty_cycle import DutyCycle
 from mems_impact.actuator.design.energy import Energy, WorkSums
 from mems_impact.actuator.design.force_curve import ForceCurve
 from mems_impact.actuator.design.operating_chart import OperatingChart
@@ -117,8 +114,7 @@ register(OperatingChart)
 register(Energy)
 register(ForceCurve)
 register(DutyCycle)
-register(FrequencyResponse)
-register(SpeedOverVoltage)
+register(Characteristic)
 register(RingDown)
 register(Closing)
 register(SoftLanding)

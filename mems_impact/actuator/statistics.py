@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from operator import attrgetter
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -194,6 +195,8 @@ class Accumulator(StatisticsAccumulator):
     window : TimeWindow
     modes : int, optional
         Number of modes; a multiple of the number for an actuator without terms.
+    sums : mapping of str to tuple of int, optional
+        Integrals with a statistic per period: the states whose sum each is.
     """
 
     def __init__(
@@ -202,9 +205,10 @@ class Accumulator(StatisticsAccumulator):
         start: HybridState,
         window: TimeWindow,
         modes: int = len(MODES),
+        sums: Mapping[str, Sequence[int]] = MappingProxyType({}),
     ) -> None:
         super().__init__(window, start, modes, len(GUARDS))
-        self._actuator = actuator
+        self._actuator, self._sums = actuator, dict(sums)
         self._waiting: Events | None = None  # events since an impact whose step has not ended
         self._speeds, self._steps, self._energies = Moments(), Moments(), Moments()
         self._blows = BlowCounter()
@@ -237,8 +241,13 @@ class Accumulator(StatisticsAccumulator):
         borders : sequence of two float array
             The states at the start and end of the window.
         """
-        measured = asdict(self.measured(final, borders))
-        return {name.replace("_", " "): value for name, value in measured.items()}
+        measured = self.measured(final, borders)
+        change = borders[1] - borders[0]
+        sums = {
+            name: ratio(float(change[list(places)].sum()), measured.periods)
+            for name, places in self._sums.items()
+        }
+        return {name.replace("_", " "): value for name, value in asdict(measured).items()} | sums
 
     def measured(self, final: HybridState, borders: Sequence[Floats]) -> Statistics:
         """Return the statistics of a run that ended at `final`."""
@@ -388,13 +397,20 @@ class ActuatorStatistics(SystemStatistics):
     system : ActuatorSystem
     given : tuple of Observable, optional
         The energy input of the drive.
+    sums : mapping of str to tuple of int, optional
+        Integrals of runs, per period: the states whose sum each is.
     """
 
     _system: Any
 
-    def __init__(self, system: HybridSystem, given: tuple[Observable, ...] = ()) -> None:
+    def __init__(
+        self,
+        system: HybridSystem,
+        given: tuple[Observable, ...] = (),
+        sums: Mapping[str, Sequence[int]] = MappingProxyType({}),
+    ) -> None:
         super().__init__(system, partial(NamedState, system.states), attrgetter("parameters"))
-        self._given = given
+        self._given, self._sums = given, sums
 
     @property
     def observables(self) -> tuple[Observable, ...]:
@@ -414,15 +430,15 @@ class ActuatorStatistics(SystemStatistics):
     ) -> StatisticsAccumulator:
         """Return the accumulator of the statistics of a run."""
         modes = len(problem.automaton.modes)
-        return Accumulator(self._system.inner_actuator, start, window, modes)
+        return Accumulator(self._system.inner_actuator, start, window, modes, self._sums)
 
     def standstill_test(self) -> Callable[[Trajectory], float | None]:
         """Return a test for standstill: the number of periods after which a run rests, or None."""
         return partial(standstill_period, actuator=self._system.inner_actuator)
 
     def moves(self, instant: HybridState) -> bool:
-        """Return whether the frame slides."""
-        return direction_of(instant.mode) != 0
+        """Return whether the frame slides, or an integral grows."""
+        return direction_of(instant.mode) != 0 or bool(self._sums)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -454,7 +470,7 @@ class ActuatorStatistics(SystemStatistics):
     @property
     def sweep_columns(self) -> tuple[str, ...]:
         """The statistics in the table of a sweep."""
-        return SWEEP_COLUMNS
+        return (*SWEEP_COLUMNS, *self._sums)
 
     @property
     def plotted(self) -> Mapping[str, tuple[str, str]]:

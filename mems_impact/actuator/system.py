@@ -269,8 +269,14 @@ class ActuatorSystem(ActuatorNumerics):
         """Statistics of runs, orbits and attractors."""
         if not self.includes_energy:
             return ActuatorStatistics(self)
-        given = _given(self._kinds, self._electrodes, self.states)
-        return ActuatorStatistics(self, (Observable("energy in", given, unit="J"),))
+        places = _of_drive(self._kinds, self._electrodes, self.states)
+        sums = {
+            "energy in per period": places,
+            **{f"{name} per period": (self.states.index(sum_of(each)),)
+               for name, each in (("slip", "slip"), ("friction loss", "friction"))},
+        }  # fmt: skip
+        given = Observable("energy in", _total(places), unit="J")
+        return ActuatorStatistics(self, (given,), sums)
 
     @property
     def state_space(self) -> ActuatorStateSpace:
@@ -370,12 +376,17 @@ ORDERED = (
 
 
 @cache
-def _given(
+def _of_drive(
     kinds: tuple[TermKind, ...], electrodes: int, states: tuple[str, ...]
-) -> Callable[[Any, Any], float]:
-    """Return the energy input of the drive: work and losses of the electrodes."""
+) -> tuple[int, ...]:
+    """Return the states whose sum is the energy input: work and losses of the electrodes."""
     lost = accounts(kinds, electrodes).at_electrodes
-    places = tuple(states.index(sum_of(name)) for name in ("electrodes", *lost))
+    return tuple(states.index(sum_of(name)) for name in ("electrodes", *lost))
+
+
+@cache
+def _total(places: tuple[int, ...]) -> Callable[[Any, Any], float]:
+    """Return the sum of some states as an observable."""
 
     def energy_in(y, p):  # type: ignore[no-untyped-def]
         total = 0.0

@@ -51,18 +51,33 @@ PARAMETER_UNITS = {
 }
 """SI units of the parameters of an `Actuator` that are not dimensionless."""
 
-ENERGY_PER = ("energy lost per period", "energy in per period", "energy in per impact")
+ENERGY_PER = (
+    "energy lost per period", "energy in per period", "energy in per impact", "energy in per blow",
+    "friction loss per period",
+)  # fmt: skip
 COLUMN_UNITS = {
-    **dict.fromkeys(["time", "contact", "flight"], "s"),
+    **dict.fromkeys(["time", "contact", "flight", "life"], "s"),
     **dict.fromkeys(
-        ["height", "x1", "x2", "step", "displacement", "formula", "closest approach"], "m"
+        [
+            "height",
+            "x1",
+            "x2",
+            "step",
+            "displacement",
+            "formula",
+            "closest approach",
+            "deflection",
+            "slip per period",
+            "distance",
+        ],
+        "m",
     ),
     **dict.fromkeys(["v1", "v2", "impact speed", "mean speed"], "m/s"),
     **dict.fromkeys(["energy lost", "energy in", *ENERGY_PER], "J"),
     **dict.fromkeys([f"displacement per {each}" for each in ("period", "impact", "blow")], "m"),
     **dict.fromkeys(["voltage", "node voltage", "left node voltage"], "V"),
-    "load": "N",
-    "power": "W",
+    **dict.fromkeys(["load", "stall force"], "N"),
+    **dict.fromkeys(["power", "power in"], "W"),
 }
 """The SI unit of every column and statistic that is not dimensionless."""
 

@@ -104,7 +104,9 @@ def _on_orbit(run: Run, measured: float, progress: Any) -> Run | None:
     """Return a run on the stable orbit that a run approaches; None without one."""
     try:
         options = replace(ORBIT_OPTIONS, engine=run.options.engine)
-        orbit: Orbit = find_orbit(run, options=options)
+        system = run.system.without_integrals  # whose orbits are less work
+        start: dict[str, Any] = {} if system is run.system else {"guess": run.final}
+        orbit: Orbit = find_orbit(system if start else run, options=options, **start)
         if not (orbit.admissible and np.abs(orbit.multipliers).max(initial=0.0) < ATTRACTING):
             return None
         n = orbit.periods if run.system.forced else orbit.period

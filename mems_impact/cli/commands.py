@@ -32,6 +32,7 @@ __all__ = ["COMMAND_NAMES", "main_group", "run"]
 
 COMMAND_NAMES = (
     "basins",
+    "characteristic",
     "chart",
     "closing",
     "completion",
@@ -44,6 +45,7 @@ COMMAND_NAMES = (
     "explore",
     "export",
     "fit",
+    "force-curve",
     "map",
     "new",
     "optimize",

@@ -141,6 +141,18 @@ def _note_store(ctx: click.Context, arguments: Mapping[str, Any]) -> None:
     ctx.meta[STORE] = arguments.get("store")
 
 
+def numbers_of_range(
+    actuator: mi.Actuator, field: str, ends: tuple[float | str, float | str, int], unit: str
+) -> Any:
+    """Return the numbers of a range of a quantity of a device."""
+    import numpy as np
+
+    from mems_impact.actuator.parameters import numbers_for
+
+    start, stop = numbers_for(actuator, field, list(ends[:2]), unit)
+    return np.linspace(start, stop, ends[2])
+
+
 def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> Any:
     """Run a study; if it ends early, keep its partial result before raising."""
     import mems_impact as mi

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.arguments import Command, function_options
-from mems_impact.cli.inputs import arguments_for
+from mems_impact.cli.inputs import arguments_for, numbers_of_range
 from mems_impact.cli.options import (
     KEY,
     actuator_from,
@@ -42,7 +42,7 @@ FUNCTION = "mems_impact.actuator.report:report"
     "--voltages",
     type=RangeType(named=False, points=True),
     show_default="0.4 to 1.3 times the amplitude",
-    help="Amplitudes of the sweep.",
+    help="Amplitudes of the curve over the voltage.",
 )
 @drive_options
 @click.pass_context
@@ -63,15 +63,13 @@ def command(
       mems-impact report mita2003 --amplitude '100 V' --frequency '1 Hz'
 
     The page holds data sheet, regime, pull-in and release, drive, motion, operating chart, step
-    and speed over the voltage, energy, life and tolerances with their yield. Without a drive, here
-    or in the file of DEVICE, the report takes a slow sine above the pull-in voltage. A section that
-    cannot be computed says why. Ctrl-C keeps the finished sections.
+    and speed over voltage and frequency, voltage window, load curve, energy, life, tolerances with
+    their yield, and corners. Without a drive, here or in the file of DEVICE, the report finds one
+    under which the frame walks. A section that cannot be computed says why. Ctrl-C keeps the
+    finished sections.
     """  # noqa: D301 - click looks for the backspace itself
-    import numpy as np
-
     import mems_impact as mi
     from mems_impact.actuator.device_files import device_text
-    from mems_impact.actuator.parameters import numbers_for
     from mems_impact.actuator.terms.base import drive_unit
 
     actuator = actuator_from(device, changes)
@@ -80,10 +78,8 @@ def command(
     arguments: dict[str, Any] = {"title": name, "description": description}
     arguments |= arguments_for(FUNCTION, actuator)
     if voltages is not None:
-        low, high, count = voltages
         unit = drive_unit(actuator.terms)
-        start, stop = numbers_for(actuator, "voltages", [low, high], unit)
-        arguments["voltages"] = np.linspace(start, stop, count)
+        arguments["voltages"] = numbers_of_range(actuator, "voltages", voltages, unit)
     arguments["command"] = shlex.join([PROGRAM, *(ctx.obj or ())])
     try:
         page = mi.report(actuator, drive, output, **arguments)

@@ -545,15 +545,17 @@ def prefixed(unit: str, largest: float) -> tuple[int, str]:
     --------
     >>> prefixed("m", 2.3e-6), prefixed("", 2.3e-4), prefixed("V", 40.0)
     ((-6, 'µm'), (-4, '$10^{-4}$'), (0, 'V'))
+    >>> prefixed("Hz", 5200.0), prefixed("s", 0.03), prefixed("", 0.03)
+    ((3, 'kHz'), (-3, 'ms'), (0, ''))
     """
     if not (largest > 0.0 and math.isfinite(largest)):
-        return 0, unit
-    power = math.floor(math.log10(largest))
-    if -2 <= power <= 3:
         return 0, unit
     thousands, name = si_prefixed(unit, largest)
     if thousands:
         return thousands, name
+    power = math.floor(math.log10(largest))
+    if -2 <= power <= 3 or name != unit:
+        return 0, unit
     return power, " ".join(filter(None, (f"$10^{{{power}}}$", unit)))
 
 

@@ -197,16 +197,13 @@ def cased(width: float) -> list[Any]:
 def boundary_line(name: str) -> dict[str, Any]:
     """Return how the boundary "on" or "off" of a chart is drawn.
 
-    One is wide and pale between dark edges, the other thin, dark and dashed above it, so that both
-    are seen where they run together.
+    One is wide, the other thin and dashed above it, so that both are seen where they run together.
     """
-    from matplotlib.patheffects import Normal, Stroke
-
-    width = thickness(1.9 if name == "on" else 1.0)
+    width = thickness(2.2 if name == "on" else 1.0)
     if name == "on":
-        edges = [Stroke(linewidth=width + 0.9, foreground=color("up")), Normal()]
-        return {"color": "0.78", "linewidth": width, "zorder": 4, "path_effects": edges}
-    return {"color": color("down"), "linewidth": width, "linestyle": (0, (3, 1.5)), "zorder": 5}
+        return {"color": color("up"), "linewidth": width, "zorder": 4}
+    dashes = {"linestyle": (0, (3, 1.5)), "path_effects": cased(width)}
+    return {"color": color("down"), "linewidth": width, "zorder": 5, **dashes}
 
 
 def inches(panels: float, rows: float = 0.0) -> float:

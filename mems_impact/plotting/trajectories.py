@@ -50,6 +50,7 @@ __all__ = [
     "plot_orbit",
     "plot_run",
     "spans",
+    "time_axis",
 ]
 
 # --- Lines: exact at transitions, broken at jumps
@@ -384,7 +385,7 @@ def plot_run(
     samples = _samples(run, first, last)
     corners = between(run.corners, samples)
     curve = line(samples, corners, chosen)
-    unit = run.system.forcing_period or 1.0  # of the axis of time
+    unit, label = time_axis(run.system)
     stretches = spans(samples, corners)
     spent = (stretches["end"] - stretches["start"]).groupby(stretches["mode"]).sum()
     longest, *shaded = mode_styles(spent, run.system.modes)
@@ -400,10 +401,20 @@ def plot_run(
         _mark(panel, name, corners, samples, unit)
         label_axis(panel.yaxis, label_of(samples, name, symbol(name)))
     axes[-1].set_xlim(samples["t"].iloc[0] / unit, samples["t"].iloc[-1] / unit)
-    label = Label("time / forcing period") if run.system.forced else label_of(samples, "t", "time")
     label_axis(axes[-1].xaxis, label)
     _key(axes[0], longest if len(run.system.modes) > 1 else "", shades, corners)
     return axes[0]
+
+
+def time_axis(system: HybridSystem) -> tuple[float, Label]:
+    """Return the unit in which figures of runs count time, and the label of the axis.
+
+    Time is absolute where it has a unit, or there is no forcing period.
+    """
+    unit, period = system.units.get("time", ""), system.forcing_period
+    if period is not None and not unit:
+        return float(period), Label("time / forcing period")
+    return 1.0, Label("time", unit)
 
 
 def _samples(run: Run, first: float | None, last: float | None) -> pd.DataFrame:

@@ -110,7 +110,7 @@ def _better(sense: str) -> str:
 
 # --- Tolerance analyses
 
-OUTSIDE_COLOR = "0.85"  # values out of specification
+OUTSIDE, OUTSIDE_COLOR = "out of specification", "0.85"
 PALE = "#72b2dd"  # a blue with visible lines on it
 MAX_HISTOGRAMS = 4  # most quantities by default
 
@@ -125,7 +125,8 @@ def plot_tolerance_analysis(
     """Draw histograms of quantities with their specification, and Sobol indices.
 
     Each quantity has a panel: a histogram, blue within the specification, grey and hatched outside,
-    with dashed lines at the bounds, a line at the median, and the yield. If indices were computed,
+    with dashed lines at the bounds, a line at the median, and the yield. Bins follow the rule of
+    Freedman and Diaconis, or of Sturges if that is finer. If indices were computed,
     a panel below has a bar for each sampled parameter: the first-order index, filled, within the
     total index, open; lines are their intervals.
 
@@ -224,44 +225,56 @@ def _histogram(ax: Any, analysis: Spread, name: str) -> None:
     values = points[name].dropna().to_numpy()
     low, high = analysis.specification.get(name, (-math.inf, math.inf))
     ends = _ends(values, low, high)
-    count = int(np.clip(2.0 * len(values) ** (1.0 / 3.0), 8, 40))
-    bins = np.linspace(*ends, count + 1)
     fine = (values >= low) & (values <= high)
+    specified = name in analysis.specification
     _, _, (_, outside) = ax.hist(
-        [values[fine], values[~fine]], bins, color=[color("motion"), OUTSIDE_COLOR], stacked=True
-    )
+        [values[fine], values[~fine]], _bins(values, ends), stacked=True,
+        color=[color("motion"), OUTSIDE_COLOR],
+        label=["as specified" if specified else "devices", OUTSIDE],
+    )  # fmt: skip
     for bar in outside:
         bar.set(hatch="////", edgecolor="0.5", linewidth=0.0)
     for bound in (low, high):
         if math.isfinite(bound):
-            ax.axvline(bound, color="black", linewidth=0.9, linestyle=(0, (4, 2)))
+            ax.axvline(bound, color="black", linewidth=0.9, linestyle=(0, (4, 2)), label="bound")
     if len(values):
-        ax.axvline(float(np.median(values)), color="black", linewidth=1.0)
-    titles = []
-    if missing := _missing(analysis, name):
-        titles.append(f"no indices: {missing} points have no number")
-    if name in analysis.specification:
-        row = analysis.yields.set_index("quantity").loc[name]
-        titles.append(f"{row['share']:.1%} as specified ({row['low']:.1%} to {row['high']:.1%})")
-    if titles:
-        ax.set_title("\n".join(titles))
+        median = float(np.median(values))
+        ax.axvline(median, color="black", linewidth=1.0, label="median")
     ax.set_xlim(ends)
-    unit = points.attrs.get("units", {}).get(name, "")
-    label_axis(ax.xaxis, Label(name, unit))
-    label_axis(ax.yaxis, Label("points"))
+    notes = []
+    if specified:
+        row = analysis.yields.set_index("quantity").loc[name]
+        notes.append(f"yield {row['share']:.1%} ({row['low']:.1%} to {row['high']:.1%})")
+    if missing := _missing(analysis, name):
+        notes.append(f"no indices: {missing} points have no number")
+    label = Label(name, points.attrs.get("units", {}).get(name, ""))
+    label_axis(ax.xaxis, label._replace(suffix="".join(f"\n{each}" for each in notes)))
+    label_axis(ax.yaxis, Label("number of devices"))
     ax.yaxis.get_major_locator().set_params(integer=True)
+    legend_above(ax, [each for each in ax.get_legend_handles_labels()[0]
+                      if specified or each.get_label() != OUTSIDE])  # fmt: skip
+
+
+def _bins(values: Any, ends: tuple[float, float]) -> Any:
+    """Return the edges of bins by the rule of Freedman and Diaconis, or of Sturges if finer."""
+    return (
+        np.histogram_bin_edges(values, "auto")
+        if len(values) and np.ptp(values) > 0.0
+        else list(ends)
+    )
 
 
 def _ends(values: Any, low: float, high: float) -> tuple[float, float]:
-    """Return the limits of the axis: all values, and nearby bounds."""
+    """Return the limits of the axis: all values, and nearby bounds; no sign that no value has."""
     if not len(values):
         return 0.0, 1.0
     first, last = float(values.min()), float(values.max())
-    width = last - first
+    width, signs = last - first, (first >= 0.0, last <= 0.0)
     first = low if first - width < low < first else first
     last = high if last < high < last + width else last
     margin = 0.04 * (last - first) or 0.5 * abs(first) or 0.5
-    return first - margin, last + margin
+    first, last = first - margin, last + margin
+    return max(first, 0.0) if signs[0] else first, min(last, 0.0) if signs[1] else last
 
 
 def _bars(ax: Any, analysis: Spread, name: str) -> None:

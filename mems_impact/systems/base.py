@@ -280,6 +280,11 @@ class HybridSystem(Result, ABC):
         return other
 
     @property
+    def without_integrals(self) -> Self:
+        """The system without states that are integrals along the motion, with the same orbits."""
+        return self
+
+    @property
     def is_data_only(self) -> bool:
         """Whether names and numbers define the system completely; a file cannot hold functions."""
         return False

@@ -6,7 +6,6 @@ import copy
 import math
 import pickle
 
-import numpy as np
 import pytest
 
 import mems_impact as mi
@@ -55,12 +54,14 @@ def test_both_are_refused():
         mi.Sine(amplitude=1.0, frequency=0)
 
 
-def test_response_in_hertz(tmp_path):
+def test_a_curve_in_hertz(tmp_path):
     drive = mi.Sine(amplitude=20.0, frequency=100.0)
-    response = mi.frequency_response(MITA, drive, np.array([110.0, 120.0]), transient=20, periods=5)
-    assert response.table.attrs["units"]["frequency"] == "Hz"
-    assert response.impact_onset.columns.tolist()[2:4] == ["frequency from", "frequency to"]
-    axes = mi.plot_response(response)
-    assert "[Hz]" in axes[1].get_xlabel()
-    response.save(tmp_path / "response.zip")
-    assert mi.load(tmp_path / "response.zip") == response
+    curve = mi.characteristic(
+        MITA, drive, "frequency", ["110 Hz", "0.12 kHz"], transient=20, periods=5
+    )
+    assert curve.table["frequency"].tolist() == [110.0, 120.0, 120.0, 110.0]
+    assert curve.table.attrs["units"]["frequency"] == "Hz"
+    assert curve.impact_onset.columns.tolist()[1:3] == ["frequency from", "frequency to"]
+    assert "[Hz]" in mi.plot_characteristic(curve).figure.axes[-1].get_xlabel()
+    curve.save(tmp_path / "curve.zip")
+    assert mi.load(tmp_path / "curve.zip") == curve

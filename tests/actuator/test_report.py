@@ -155,11 +155,33 @@ def test_a_device_with_a_charge():
 
 
 def test_a_default_drive():
-    page = mi.report(MITA, only=["Drive"])
-    assert f"{1.2 * mi.pull_in_voltage(MITA):.4g} V" in page.html
-    assert "No drive was given" in page.html
-    with pytest.raises(mi.InvalidParameter, match="drive: give one: the pull-in voltage is"):
-        mi.report(MITA.adding(mi.ChargeDrive()))
+    page = mi.report(MITA, only=["Drive", "Motion"], **SHORT)
+    assert "No drive was given. Simulation found this sine" in page.html
+    drive = mi.walking_drive(MITA)
+    assert {f"{drive.amplitude:g} V", f"{drive.frequency:g} Hz"} <= set(Page(page.html).texts["td"])
+    assert page.facts["step per cycle"] != "0 m"
+    heavy = MITA.replace(m1=1e6 * MITA.m1)
+    assert "No sine that was tried makes the frame walk" in mi.report(heavy, only=["Drive"]).html
+
+
+@pytest.mark.slow
+def test_curves_window_load_and_corners():
+    device, drive = MITA, mi.Sine(amplitude="28 V", frequency="108 Hz")
+    wanted = ["Step and speed over the voltage", "Step and speed over the frequency",
+              "Voltage window", "Load curve", "Corners"]  # fmt: skip
+    page = mi.report(device, drive, only=wanted, quick=True, voltages=[26.0, 28.0])
+    assert [section.problem for section in page.sections] == [""] * 5
+    run = mi.simulate(device, drive, 400, window=(300, 400), initial=mi.kicked_state(device))
+    speed, step = (run.statistics[name] for name in ("mean speed", "displacement per period"))
+    cells = Page(page.html).texts["td"]
+    assert amount(speed, "m/s") in cells  # of the table over the voltage
+    assert amount(step, "m") in cells  # the nominal corner
+    stiffer = device.replace(k=device.k * (1.0 + 0.03 * 1.959964))
+    assert amount(mi.pull_in_voltage(stiffer), "V") in cells  # the corner of a stiff spring
+    low, high = page.facts["voltage window"].split(" to ")
+    assert float(low.split()[0]) < 28.0 < float(high.split()[0])
+    stall = mi.force_curve(device, drive, [0.0], transient=150).stall_force
+    assert page.facts["stall force"].split()[0][:3] == amount(stall, "N")[:3]
 
 
 def test_an_interruption_keeps_the_finished_sections(tmp_path):

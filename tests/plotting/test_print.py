@@ -9,7 +9,6 @@ import pytest
 from matplotlib.figure import Figure
 
 import mems_impact as mi
-from mems_impact.actuator.report import plot_speed
 from mems_impact.studies.sampling import Axis, Grid
 from tests.actuator.figures.test_chart import chart
 from tests.plotting.reading import flaws
@@ -64,22 +63,25 @@ def energy():
 def load():
     table = pd.DataFrame({
         "load": [-2e-5, 0.0, 1e-5, 2e-5, 3e-5], "mean speed": [4e-6, 3e-6, 1e-6, 0.0, np.nan],
-        "by": ["orbit", "orbit", "run", "run", ""],
         "does": ["walks"] * 4 + ["runs away"]})  # fmt: skip
     table.attrs = {"units": {"load": "N", "mean speed": "m/s"}}
-    return SimpleNamespace(table=table, sliding_force=2.78e-5, walking_force=1.93e-5,
+    return SimpleNamespace(table=table, sliding_force=2.78e-5, stall_force=2.4e-5,
                            holding_force=4.12e-5)  # fmt: skip
 
 
-def response():
-    rows = [(w, f, way, 1e-6 * f / w, 2e-7 * f * w) for f in (20.0, 40.0, 60.0)
-            for way in ("up", "down") for w in (600.0, 700.0, 800.0)]  # fmt: skip
-    table = pd.DataFrame(
-        rows, columns=["omega", "amplitude", "direction", "deflection", "mean speed"]
-    )
-    table.attrs = {"units": {"omega": "rad/s", "amplitude": "V", "deflection": "m",
-                             "mean speed": "m/s"}}  # fmt: skip
-    return table
+def characteristic(amplitudes=(20.0, 40.0, 60.0)):
+    points = [(f, w, way) for f in amplitudes for way in ("up", "down") for w in (600, 700, 800)]
+    rows = [(f, w, way, True, 1e-6 * f / w, 2e-7 * f * w, 4e-9 * f, 1e-13 * f * w, 1e-6 * f)
+            for f, w, way in points]  # fmt: skip
+    table = pd.DataFrame(rows, columns=[
+        "amplitude", "frequency", "direction", "impacting", "displacement per blow", "mean speed",
+        "mean speed error", "energy in per blow", "stall force"])  # fmt: skip
+    table.loc[1, "mean speed error"], table.loc[4, "mean speed error"] = np.inf, 1e-3
+    units = {"frequency": "Hz", "amplitude": "V", "displacement per blow": "m",
+             "mean speed": "m/s", "energy in per blow": "J", "stall force": "N"}  # fmt: skip
+    table.attrs = {"units": units}
+    first = "amplitude" if len(amplitudes) > 1 else ""
+    return SimpleNamespace(table=table, parameter="frequency", curves=first)
 
 
 def curves():
@@ -196,7 +198,8 @@ LONG = {
     "plot_orbit": lambda get: mi.plot_orbit(get("orbit")),
     "plot_orbit of an actuator": lambda _: mi.plot_orbit(walk()),
     "plot_pareto": lambda _: mi.plot_pareto(front()),
-    "plot_response": lambda _: mi.plot_response(response())[0],
+    "plot_characteristic": lambda _: mi.plot_characteristic(characteristic()),
+    "plot_characteristic of one curve": lambda _: mi.plot_characteristic(characteristic((20.0,))),
     "plot_run": lambda get: mi.plot_run(get("resting"), 10.5, 13.5),
     "plot_run of an actuator": lambda _: mi.plot_run(real()),
     "plot_run of an actuator behind a resistance": lambda _: mi.plot_run(resisted()),
@@ -206,7 +209,6 @@ LONG = {
     "plot_sensitivity without units": lambda _: mi.plot_sensitivity(
         sensitivity_of(ZHAO), "mean speed"),
     "plot_sweep without crossings": lambda _: mi.plot_sweep(silent_table()),
-    "speed in a report": lambda _: SimpleNamespace(figure=plot_speed(silent_table())),
     "animate": lambda get: SimpleNamespace(figure=mi.animate(get("run"), 98).frame(-1)),
     "animate an actuator": lambda _: SimpleNamespace(figure=mi.animate(real(), 2).frame(-1)),
     "the paper's displacement": lambda _: displacement(),

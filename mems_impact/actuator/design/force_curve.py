@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from mems_impact._util.arrays import Floats
+from mems_impact._util.bisection import bisect
+from mems_impact._util.progress import progress_bar
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import results
 from mems_impact.actuator.actuator import Actuator
-from mems_impact.actuator.automaton import BREAK_AWAY, direction_of
+from mems_impact.actuator.automaton import direction_of
 from mems_impact.actuator.design.energy import accounted_problem
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.equations import V1, X1
 from mems_impact.actuator.model import compose
 from mems_impact.actuator.parameters import numbers_for
-from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.frame_force import FrameForce
-from mems_impact.analysis.orbit import ORBIT_OPTIONS, find_orbit
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.steady_state import steady_state
-from mems_impact.errors import InvalidParameter, OrbitError, RunError
+from mems_impact.errors import Interrupted, InvalidParameter, RunError
 from mems_impact.integrators.options import Options
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
@@ -32,14 +35,18 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-__all__ = ["ForceCurve", "force_curve"]
+__all__ = ["ForceCurve", "force_curve", "stall_force"]
 
 LOAD = "frame_force.force"
 WALKS, BACK, STANDS, AWAY = "walks", "walks back", "stands", "runs away"
 FASTER = 1e3  # factor of the speed at which friction is checked for a frame that runs away
-ROUNDS = 8  # number of successive orbits on which the walking load is sought
 SPEEDS = np.geomspace(1e-9, 1e9, 18001)  # of a slip, in scaled units
 MIN_DISPLACEMENT = 1e-12  # of delta: a smaller displacement is rounding
+COARSE_LOADS = 5  # up to the holding force, between which a stall force is sought
+LOADS = 9  # of a curve by default, up to the stall force
+BEYOND = 1.1  # the largest load by default, relative to the stall force
+STALL_RTOL = 1e-4  # accuracy of a stall force, relative to the holding force
+MOST_DOUBLINGS = 8  # of the holding force, for a device that walks against it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -51,23 +58,18 @@ class ForceCurve(Result):
     system : ActuatorSystem
         The system without load.
     table : DataFrame
-        One row per load, ascending: load, displacement per period, mean speed, power (load times
-        speed), motion ("walks", "walks back", "stands", or "runs away" without a mean speed), and
-        whether it is from an "orbit" or a "run".
+        One row per load, ascending: load, displacement per period, mean speed and its error (see
+        `Settling`), power (load times speed), and what the frame ``does``: "walks", "walks back",
+        "stands", or "runs away" without a mean speed.
     sliding_force : float
         Largest load at which every slip ends by itself: the friction on a slipping frame [N]. Above
         this load, a device that slips back runs away.
     holding_force : float
         Largest load that static friction holds without voltage [N].
-    walking_force : float
-        Largest load at which the device walks on the continued orbit: above it the frame breaks
-        away backwards during a rest and runs away [N]; NaN if this load is above the given loads,
-        or no orbit was continued. A device whose frame slips back in every period has no such load,
-        but slows down, stalls, and walks back.
     stall_force : float
-        Load at which the speed is zero, interpolated between two rows [N]; NaN if the speed is
-        never zero: a device that friction holds between its blows still walks at the load at which
-        its frame breaks away.
+        Largest load against which the device walks, to 1e-4 of the holding force [N]: above it the
+        device walks back, stands, or runs away; negative for a device that walks to the left. NaN
+        for a device that does not walk without a load.
 
     See Also
     --------
@@ -92,49 +94,54 @@ class ForceCurve(Result):
     table: pd.DataFrame = field(repr=False)
     sliding_force: float
     holding_force: float
-    walking_force: float
     stall_force: float
 
     def summary(self) -> dict[str, Any]:
         """Return the characteristic loads."""
-        names = ("sliding_force", "holding_force", "walking_force", "stall_force")
+        names = ("sliding_force", "holding_force", "stall_force")
         return {"system": repr(self.system), **{name: getattr(self, name) for name in names}}
 
 
-class _Row(NamedTuple):
+class LoadedMotion(NamedTuple):
+    """The settled motion under a load: displacement per period, its error, state, what it does."""
+
     displacement: float
+    error: float
     does: str
-    by: str
+    state: State | None = None
 
 
 def force_curve(
     actuator: Actuator,
     drive: Drive,
-    loads: ArrayLike,
+    loads: ArrayLike | None = None,
     *,
     transient: int = 100,
     periods: int = 40,
     initial: State | None = None,
     options: Options = Options(),  # noqa: B008 - immutable
+    progress: bool | Callable[[float], None] = False,
 ) -> ForceCurve:
-    """Compute the mean speed of a device over an opposing force.
+    """Compute the mean speed of a device over an opposing force, and its stall force.
 
-    Loads are processed in ascending order, each from the state at the previous load, along a stable
-    periodic orbit, or else by runs.
+    Loads are processed in ascending order, each from the state at the previous load, in the steady
+    state (see `steady_state`).
 
     Parameters
     ----------
     actuator : Actuator
         The device; its own `FrameForce` is ignored.
     drive : Drive
-    loads : array_like of float or str
-        Forces [N] to the left, against motion to the right; texts may have units (``"3 uN"``).
+    loads : array_like of float or str, optional
+        Forces [N] to the left, against motion to the right; texts may have units (``"3 uN"``). By
+        default from none to somewhat more than the stall force.
     transient, periods : int, optional
         Forcing periods of transient and of measurement in each run.
     initial : State, optional
-        Initial state of the run at the smallest load; a kick by default (see `kicked_state`).
+        Initial state of the run without load; a kick by default (see `kicked_state`).
     options : Options, optional
-        Options of runs; orbits use the tolerances of `find_orbit`.
+    progress : bool or callable, optional
+        Show progress; a function is called with the number of finished loads.
 
     Returns
     -------
@@ -146,10 +153,12 @@ def force_curve(
         If an argument is out of range.
     RunError
         If a run fails, and the device does not run away.
+    Interrupted
+        On Ctrl-C; ``partial`` is the table of the finished loads.
 
     See Also
     --------
-    ForceCurve, plot_force_curve, FrameForce
+    ForceCurve, plot_force_curve, characteristic, FrameForce
 
     Examples
     --------
@@ -162,130 +171,129 @@ def force_curve(
     """
     if not isinstance(actuator, Actuator):
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
-    load_values = numbers_for(actuator, "loads", loads, "N")
-    try:
-        values = np.sort(np.atleast_1d(np.asarray(load_values, dtype=float)))
-    except (TypeError, ValueError):
-        values = np.array([])
-    if values.ndim != 1 or values.size == 0 or not all(map(is_number, values.tolist())):
-        raise InvalidParameter("loads", loads, "one or more finite numbers")
     transient, periods = whole("transient", transient, 0), whole("periods", periods, 1)
     system = actuator.adding(FrameForce(force=0.0)).under(drive)
-    start = system.state_space.initial("down") if initial is None else initial
-    chain = _Chain(system, start, transient, periods, options)
-    rows = [chain.at(load) for load in values.tolist()]
-    sliding, holding = _holding_loads(system)
-    moved = np.array([row.displacement for row in rows])
-    speed = moved / float(system.forcing_period)
-    table = results.load(
-        values, moved, speed, [row.does for row in rows], [row.by for row in rows], system
-    )
+    chain = LoadChain(system, initial, transient, periods, options)
+    sliding, holding = holding_loads(system)
+    stall = chain.stall(holding)
+    values = _loads(actuator, loads, holding, stall)
+    motions: list[LoadedMotion] = []
+
+    def table() -> pd.DataFrame:
+        rows = zip(values.tolist(), motions, strict=False)
+        return results.load([(load, *motion[:3]) for load, motion in rows], system)
+
+    with progress_bar(progress, "loads", values.size, "load curve") as show:
+        try:
+            for number, motion in enumerate(chain.along(values.tolist()), start=1):
+                motions.append(motion)
+                if show is not None:
+                    show(number)
+        except KeyboardInterrupt:
+            after = f"{len(motions)} of {values.size} loads"
+            raise Interrupted("load curve", after, table()) from None
     return ForceCurve(
-        system=system,
-        table=table,
-        sliding_force=sliding,
-        holding_force=holding,
-        walking_force=chain.limit(),
-        stall_force=_zero(values, speed),
-    )
+        system=system, table=table(), sliding_force=sliding, holding_force=holding,
+        stall_force=stall,
+    )  # fmt: skip
 
 
-class _Chain:
-    """Successive loads, each from the state at the previous one."""
+def _loads(actuator: Actuator, loads: Any, holding: float, stall: float) -> Floats:
+    """Return the loads in ascending order."""
+    if loads is None:
+        end = stall if math.isfinite(stall) and stall != 0.0 else holding
+        values = [*np.linspace(0.0, end, LOADS).tolist(), BEYOND * end]
+    else:
+        values = numbers_for(actuator, "loads", loads, "N")
+    try:
+        found = np.sort(np.atleast_1d(np.asarray(values, dtype=float)))
+    except (TypeError, ValueError):
+        found = np.array([])
+    if found.ndim != 1 or found.size == 0 or not all(map(is_number, found.tolist())):
+        raise InvalidParameter("loads", loads, "one or more finite numbers")
+    return found
+
+
+def stall_force(
+    system: ActuatorSystem, initial: State | None, transient: int, periods: int, options: Options
+) -> tuple[float, State]:
+    """Return `ForceCurve.stall_force` of a device under a drive, and its state without load."""
+    loaded = system.actuator.adding(FrameForce(force=0.0)).under(system.drive)
+    chain = LoadChain(loaded, initial, transient, periods, options)
+    return chain.stall(holding_loads(loaded)[1]), chain.start
+
+
+class LoadChain:
+    """Settled motions under successive loads, each from the state under the previous one."""
 
     def __init__(
-        self, system: ActuatorSystem, start: State, transient: int, periods: int, options: Options
+        self,
+        system: ActuatorSystem,
+        initial: State | None,
+        transient: int,
+        periods: int,
+        options: Options,
     ) -> None:
-        self.system, self.start, self.state = system, start, start
-        self.transient, self.periods, self.options = transient, periods, options
-        self.tight = replace(ORBIT_OPTIONS, engine=options.engine)
-        self.orbit: ActuatorOrbit | None = None
-        self.load, self.expected = math.nan, math.inf
-        self.away = False  # backwards, which no larger load ends
+        self.system, self.options = system, options
+        self.start = system.state_space.initial("down") if initial is None else initial
+        self.transient, self.periods = transient, periods
 
-    def at(self, load: float) -> _Row:
-        """Return the row of a load."""
-        if self.away:
-            return _Row(math.nan, AWAY, "run")
-        system = self.system.changed(**{LOAD: load})
-        continues = self.orbit is not None and load < self.expected
-        if continues and (row := self._follow(system, load)):
-            return row
-        run, direction = self._run(system)
-        if direction != 0:
-            self.away, self.state = direction < 0, self.start
-            return _Row(math.nan, AWAY, "run")
-        self.state, self.expected = run.final, math.inf
-        row = self._follow(system, load)
-        return row or self._row(float(run.statistics["displacement per period"]), "run")
+    def along(self, loads: Iterable[float]) -> Iterator[LoadedMotion]:
+        """Yield the motions under ascending loads."""
+        motion = LoadedMotion(math.nan, math.nan, STANDS, self.start)
+        for load in loads:
+            if motion.state is not None:
+                motion = self.at(load, motion.state)
+            yield motion
 
-    def limit(self) -> float:
-        """Return the load at which the orbit ends; NaN if it was not reached.
+    def stall(self, holding: float) -> float:
+        """Return the largest load against which the device walks; NaN if it does not walk."""
+        free = self.at(0.0, self.start)
+        if free.does not in (WALKS, BACK) or free.state is None:
+            return math.nan
+        sign, state = math.copysign(1.0, free.displacement), free.state
+        self.start = state
 
-        If a run beyond it still walks, with one more slip, the search continues on its orbit.
-        """
-        for _ in range(ROUNDS):
-            expected = self.expected
-            if not self.away or self.orbit is None or not math.isfinite(expected):
-                return math.nan
-            load = self.load + 0.999 * (expected - self.load)
-            self._follow(self.system.changed(**{LOAD: load}), load)
-            expected = self.expected
-            beyond = expected + 1e-6 * abs(expected)
-            system = self.system.changed(**{LOAD: beyond})
-            _, direction = self._run(system)
-            if direction != 0:
-                return expected
-            if not self._follow(system, beyond):
-                return math.nan
+        def walks(size: float) -> bool:
+            nonlocal state
+            motion = self.at(sign * size, state)
+            if motion.state is None or not sign * motion.displacement > 0.0:
+                return False
+            state = motion.state
+            return True
+
+        unit = holding if holding > 0.0 else float(self.system.units.scales.out(1.0, "N"))
+        steps = np.linspace(0.0, unit, COARSE_LOADS)[1:].tolist()
+        low = 0.0
+        for high in (*steps, *(unit * 2.0**i for i in range(1, MOST_DOUBLINGS))):
+            if not walks(high):
+                return sign * bisect(walks, low, high, STALL_RTOL * unit)[0]
+            low = high
         return math.nan
 
-    def _run(self, system: ActuatorSystem) -> tuple[ActuatorRun, int]:
-        """Return a run from the last state, and the direction of running away, or 0."""
+    def at(self, load: float, start: State) -> LoadedMotion:
+        """Return the motion under a load; its state is None where the frame runs away backwards."""
+        system = self.system.changed(**{LOAD: load})
         length = self.transient + self.periods
-        first = self.state.time / system.forcing_period + self.transient
+        first = start.time / system.forcing_period + self.transient
         try:
             run: Any = simulate(
-                system, length, initial=self.state, options=self.options,
+                system, length, initial=start, options=self.options,
                 window=(first, first + self.periods),
             )  # fmt: skip
         except RunError as error:
             run = error.partial
-            direction = _runaway(run, self.periods)
-            if direction == 0:
+            if _runaway(run, self.periods) == 0:
                 raise
-            return run, direction
-        direction = _runaway(run, self.periods)
-        if direction == 0:
-            run = steady_state(run)
-        return run, direction
-
-    def _follow(self, system: ActuatorSystem, load: float) -> _Row | None:
-        """Find the stable orbit near the last state; return its row."""
-        periods = None if self.orbit is None else self.orbit.periods
-        try:
-            orbit: Any = find_orbit(system, guess=self.state, periods=periods, options=self.tight)
-        except (OrbitError, RunError):
-            self.orbit = None
-            return None
-        if not (orbit.stable and orbit.admissible):
-            self.orbit = None
-            return None
-        self.orbit, self.state, self.load = orbit, orbit.state, load
-        # The force on a frame at rest grows with the load, all else being equal. A rest that ends
-        # by break-away does so without additional load.
-        margins = [
-            float(arc.minima[BREAK_AWAY])
-            for segment, arc in zip(orbit.numeric.segments, orbit.numeric.point.arcs, strict=True)
-            if direction_of(segment.mode) == 0 and segment.code != BREAK_AWAY
-        ]
-        held = float(system.units.scales.out(min(margins), "N")) if margins else math.inf
-        self.expected = load + held
-        return self._row(orbit.step / orbit.periods, "orbit")
-
-    def _row(self, moved: float, by: str) -> _Row:
+        if direction := _runaway(run, self.periods):
+            # No larger load ends the motion backwards.
+            return LoadedMotion(math.nan, math.nan, AWAY, None if direction < 0 else self.start)
+        run = steady_state(run)
+        moved = float(run.statistics["displacement per period"])
         moved = 0.0 if abs(moved) < MIN_DISPLACEMENT * self.system.actuator.delta else moved
-        return _Row(moved, STANDS if moved == 0.0 else WALKS if moved > 0.0 else BACK, by)
+        does = STANDS if moved == 0.0 else WALKS if moved > 0.0 else BACK
+        return LoadedMotion(moved, run.settling.remaining("displacement per period"), does,
+                            run.final)  # fmt: skip
 
 
 def _runaway(run: ActuatorRun, periods: int) -> int:
@@ -310,7 +318,7 @@ def _runaway(run: ActuatorRun, periods: int) -> int:
     return direction
 
 
-def _holding_loads(system: ActuatorSystem) -> tuple[float, float]:
+def holding_loads(system: ActuatorSystem) -> tuple[float, float]:
     """Return the least loads that friction holds on a slipping frame, and on a frame at rest."""
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     p = accounted_problem(system, Options()).parameters
@@ -322,12 +330,3 @@ def _holding_loads(system: ActuatorSystem) -> tuple[float, float]:
     friction = [model.sliding_friction(1, speed, normal, p) for speed in speeds.tolist()]
     sliding, static = min(friction) + outside, eq.mu_s(p) * normal + outside
     return float(system.units.scales.out(sliding, "N")), float(system.units.scales.out(static, "N"))
-
-
-def _zero(loads: Any, speed: Any) -> float:
-    """Return the load of zero speed, by linear interpolation between two loads."""
-    for i in np.flatnonzero(speed[:-1] * speed[1:] <= 0.0).tolist():
-        if speed[i] > speed[i + 1]:
-            share = speed[i] / (speed[i] - speed[i + 1])
-            return float(loads[i] + share * (loads[i + 1] - loads[i]))
-    return math.nan

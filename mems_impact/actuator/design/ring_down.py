@@ -131,7 +131,7 @@ def ring_down(
 
     See Also
     --------
-    RingDown, frequency_response
+    RingDown, characteristic
 
     Notes
     -----

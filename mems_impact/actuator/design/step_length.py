@@ -75,7 +75,7 @@ def step_length(actuator: ActuatorParameters, speed: ArrayLike, voltage: ArrayLi
 
     See Also
     --------
-    Run, SpeedOverVoltage
+    Run, characteristic
 
     Examples
     --------

@@ -10,8 +10,8 @@ import numpy as np
 from mems_impact._util.bisection import bisect
 from mems_impact._util.progress import Watch
 from mems_impact.actuator.actuator import Actuator
-from mems_impact.actuator.design.characteristics import STABILITY_LOSS_LABELS, end_of, lasts_until
 from mems_impact.actuator.design.operating_chart import STEADY_FROM, STEADY_TO
+from mems_impact.actuator.design.period_one_window import STABILITY_LOSS_LABELS, end_of, lasts_until
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.state_space import kicked_state
 from mems_impact.actuator.system import ActuatorSystem

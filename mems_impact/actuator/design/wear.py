@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 from mems_impact._util.quantities import quantity
-from mems_impact.actuator.design.energy import Energy, energy
+from mems_impact.actuator.design.energy import energy
 from mems_impact.actuator.design.static_forces import clamp_force
+from mems_impact.actuator.numerics import ActuatorNumerics
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.state import is_number
 
-__all__ = ["WearLife", "life"]
+__all__ = ["WearLife", "WearRate", "life", "mean_normal_force"]
 
 MAX_FRICTION = 1.0  # static friction over weight, above which another force presses the frame
 
@@ -129,51 +131,82 @@ def life(
     '4.05e+09'
     """
     si = isinstance(motion, ActuatorRun | ActuatorOrbit) and motion.system.units.scales.named
-    area = quantity("area", area, "m^2" if si else None, "device")
-    depth = quantity("depth", depth, "m" if si else None, "device")
-    wear = quantity("wear", wear, "m^2/N" if si else None, "device")  # m^3/(N m)
-    numbers = {"wear": wear, "area": area, "depth": depth}
+    rate = WearRate.of(si, wear=wear, area=area, depth=depth)
     if normal_force is not None:
-        normal_force = quantity("normal_force", normal_force, "N" if si else None, "device")
-        numbers["normal_force"] = normal_force
-    for field, value in numbers.items():
-        if not (is_number(value) and value > 0.0):
-            raise InvalidParameter(field, value, "a finite number > 0")
+        normal_force = _positive("normal_force", normal_force, "N", si)
     balance = energy(motion)
-    force = normal_force_of(balance) if normal_force is None else normal_force
-    slip = balance.slip_path / balance.periods
+    system, slip = balance.system, balance.slip_path / balance.periods
+    if normal_force is None:
+        table = balance.table.set_index(["kind", "account"])
+        lost = table["energy"]["lost", "friction"] / balance.periods
+        normal_force = mean_normal_force(system, lost, slip)
     if isinstance(motion, ActuatorOrbit):
         blows = len(balance.by_blow) / balance.periods
     else:
         blows = motion.measured.blows_per_period
-    volume = wear * force * slip  # per period
-    periods = area * depth / volume if volume > 0.0 else math.inf
-    period = float(balance.system.forcing_period)
+    periods = rate.periods(normal_force, slip)
     walked = _walked(motion)
     return WearLife(
-        normal_force=force,
+        normal_force=normal_force,
         slip_per_period=slip,
         slip_per_blow=slip / blows if blows > 0.0 else math.nan,
-        volume_per_blow=volume / blows if blows > 0.0 else math.nan,
+        volume_per_blow=rate.wear * normal_force * slip / blows if blows > 0.0 else math.nan,
         blows=periods * blows if periods < math.inf else math.inf,
-        time=periods * period,
+        time=periods * float(system.forcing_period),
         distance=periods * walked if walked != 0.0 else 0.0,
-        si=balance.system.units.scales.named,
+        si=si,
     )
 
 
-def normal_force_of(balance: Energy) -> float:
-    """Return the normal force during slips; InvalidParameter if the device does not tell it."""
-    system, forces = balance.system, balance.system.normal_forces()
-    name, scales = "normal_force", balance.system.units.scales
-    force, friction = float(scales.out(forces[0], "N")), system.actuator.mu_s
-    if forces.min() < forces.max():  # a clamp that the drive moves: the mean over the slip path
+class WearRate(NamedTuple):
+    """Specific wear rate, contact area and allowed depth."""
+
+    wear: float
+    area: float
+    depth: float
+
+    @classmethod
+    def of(cls, si: bool, **values: Any) -> WearRate:
+        """Return them from numbers or texts with units; InvalidParameter unless they are > 0."""
+        units = {"wear": "m^2/N", "area": "m^2", "depth": "m"}  # m^3/(N m)
+        return cls(**{name: _positive(name, values[name], unit, si)
+                      for name, unit in units.items()})  # fmt: skip
+
+    def periods(self, normal_force: float, slip: float) -> float:
+        """Return the forcing periods until the depth is reached, by the slip path in each."""
+        volume = self.wear * normal_force * slip
+        return self.area * self.depth / volume if volume > 0.0 else math.inf
+
+
+def _positive(field: str, value: Any, unit: str, si: bool) -> float:
+    number = quantity(field, value, unit if si else None, "device")
+    if not (is_number(number) and number > 0.0):
+        raise InvalidParameter(field, number, "a finite number > 0")
+    return float(number)
+
+
+def mean_normal_force(system: ActuatorNumerics, friction_loss: float, slip: float) -> float:
+    """Return the normal force during slips, of a driven clamp the mean over the slip path.
+
+    Parameters
+    ----------
+    system : ActuatorNumerics
+    friction_loss, slip : float
+        Heat of friction and slip path over the same time.
+
+    Raises
+    ------
+    InvalidParameter
+        If the device does not tell its normal force.
+    """
+    forces, scales = system.normal_forces(), system.units.scales
+    name, force, friction = "normal_force", float(scales.out(forces[0], "N")), system.actuator.mu_s
+    if forces.min() < forces.max():  # a clamp that the drive moves
         laws = [term for term in system.actuator.terms if term.replaced_rule == "friction"]
         if system.actuator.mu_d == 0.0 or laws:
             problem = "the normal force varies, and friction does not tell its mean: give it"
             raise InvalidParameter(name, None, "", problem=problem)
-        lost = balance.table.set_index(["kind", "account"])["energy"]["lost", "friction"]
-        return lost / (system.actuator.mu_d * balance.slip_path) if balance.slip_path else force
+        return friction_loss / (system.actuator.mu_d * slip) if slip else force
     if friction > MAX_FRICTION and clamp_force(system.actuator.terms) == 0.0:
         unit = " N" if scales.named else ""
         problem = (

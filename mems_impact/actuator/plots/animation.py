@@ -11,8 +11,9 @@ import pandas as pd
 from mems_impact.actuator.automaton import slips
 from mems_impact.actuator.plots.motion import NODES
 from mems_impact.plotting.animation import Frames, Scene, caption, clock, frames_of, glow
-from mems_impact.plotting.labels import Label, label_axis, label_of
+from mems_impact.plotting.labels import label_axis, label_of
 from mems_impact.plotting.style import color, new_figure, thickness
+from mems_impact.plotting.trajectories import time_axis
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorRun
@@ -71,7 +72,7 @@ def device_scene(
     seconds = frames.samples["t"].to_numpy()
     sides = _sides(frames)
     slipping = samples["mode"].astype(str).map(slips).to_numpy()
-    period = run.system.forcing_period
+    unit, _ = time_axis(run.system)
     sliding = color("frame")
     magnified = f"path of the frame × {scale:g}" if scale != 1.0 else ""
 
@@ -86,8 +87,8 @@ def device_scene(
             strength = float(lit.loc[lit["side"] == side, "strength"].max()) if len(lit) else 0.0
             star.set_alpha(0.0 if math.isnan(strength) else strength)
         until = number * frames.every + 1
-        line.set_data(seconds[:until] / period, path[:until])
-        head.set_data([sample["t"] / period], [position])
+        line.set_data(seconds[:until] / unit, path[:until])
+        head.set_data([sample["t"] / unit], [position])
         voltage = ", ".join(_volts(run, values[number]) for values in volts.values())
         time_text.set_text("   ".join(filter(None, (clock(run, sample["t"]), voltage, magnified))))
 
@@ -218,11 +219,12 @@ def _draw_path(ax: Any, run: ActuatorRun, frames: Frames, path: Any) -> tuple[An
     motion = color("motion")
     (line,) = ax.plot([], [], color=motion)
     (head,) = ax.plot([], [], marker="o", markersize=4.5, color=motion, clip_on=False, zorder=4)
-    time = frames.samples["t"].to_numpy()[[0, -1]] / run.system.forcing_period
+    unit, label = time_axis(run.system)
+    time = frames.samples["t"].to_numpy()[[0, -1]] / unit
     room = 0.08 * max(np.ptp(path), 1e-12 * run.actuator.d)
     ax.set(xlim=time, ylim=(path.min() - room, path.max() + room))
     label_axis(ax.yaxis, label_of(frames.samples, "x1", "frame $x_1$"))
-    label_axis(ax.xaxis, Label("time / forcing period"))
+    label_axis(ax.xaxis, label)
     return line, head
 
 

@@ -27,6 +27,12 @@ __all__ = ["plot_chart"]
 
 
 SHADES = {"I": "0.95", "II": "0.87", "III": "1.0"}
+MEANINGS = {
+    "I": "I: on by a jump, off at a lower voltage",
+    "II": "II: on and off at the same voltage",
+    "III": "III: on by a jump, off where irregular motion ends",
+}
+"""What the types of the paper mean."""
 MIN_GAP = 0.11  # distance of points that no curve joins, relative to the range of frequencies
 MIN_BOUNDARY_GAP = 0.03  # visible distance of boundaries, relative to the height of the axes
 INSET = (0.42, 0.28)  # width and height, relative to the axes
@@ -37,11 +43,11 @@ TITLE = 0.07  # height of its title
 def plot_chart(chart: OperatingChart, ax: Any = None) -> Any:
     """Draw the on (wide) and off (dashed) boundaries of an operating chart over the frequency.
 
-    Crosses are simulated values, other points are continued. The types of the paper are shaded, and
-    the points of codimension two between them marked. Without types, a solid line is the onset of
-    slip, and dashed lines bound the lowest voltages with equal impacts in every forcing period;
-    straight lines join dots, the computed voltages. An inset shows the difference of boundaries
-    that are too close to be distinguished.
+    Crosses are simulated values, other points are continued. The types of the paper are shaded,
+    explained below the axis, and the points of codimension two between them marked. Without types,
+    a solid line is the onset of slip, and dashed lines bound the lowest voltages with equal impacts
+    in every forcing period; straight lines join dots, the computed voltages. An inset shows the
+    difference of boundaries that are too close to be distinguished.
 
     Parameters
     ----------
@@ -111,7 +117,8 @@ def plot_chart(chart: OperatingChart, ax: Any = None) -> Any:
             row["type"], (0.5 * (low + high), 0.98), xycoords=ax.get_xaxis_transform(),
             ha="center", va="top", color="0.25",
         )  # fmt: skip
-    label_axis(ax.xaxis, parameter_label(table, omega))
+    meanings = "".join(f"\n{MEANINGS[each]}" for each in sorted(set(types["type"])))
+    label_axis(ax.xaxis, parameter_label(table, omega)._replace(suffix=meanings))
     label_axis(ax.yaxis, parameter_label(table, amplitude))
     legend_above(ax)
     marks = [
@@ -131,7 +138,7 @@ def _mark_isolated(ax: Any, table: pd.DataFrame, omega: str, amplitude: str) -> 
         isolated = rows[np.append(separated, False) | np.append(False, separated)]
         ax.plot(
             isolated[omega], isolated[amplitude], linestyle="none", marker="o", markersize=2.5,
-            color=color("guide"), zorder=3, clip_on=False,
+            color=color("guide"), zorder=3, clip_on=False, label="computed, coarse",
         )  # fmt: skip
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from mems_impact.plotting.labels import (
+    amount,
     label_axis,
     label_of,
     label_verticals,
     legend_above,
-    prefixed,
 )
 from mems_impact.plotting.style import color, new_figure, styled, thickness
 
@@ -27,17 +28,19 @@ __all__ = ["plot_force_curve"]
 AWAY = "runs away"
 LOAD_LINES = {
     "sliding_force": ("every slip ends", (0, (4, 3))),
-    "walking_force": ("walks", (0, (4, 1.2, 1, 1.2))),
+    "stall_force": ("walks", (0, (4, 1.2, 1, 1.2))),
     "holding_force": ("holds without voltage", (0, (1, 1.5))),
 }
+FARTHEST = 1.5  # a limit is drawn up to here, relative to the largest load
 
 
 @styled
 def plot_force_curve(curve: ForceCurve, ax: Any = None) -> Any:
     """Draw the mean speed over the load.
 
-    Filled markers are periodic orbits, hollow markers runs. Loads at which the frame runs away, so
-    that it has no mean speed, are shaded. Vertical lines are the limits of the curve.
+    Markers are the computed loads. Loads at which the frame runs away, so that it has no mean
+    speed, are shaded. Vertical lines are the limits of the curve; limits far beyond the loads are
+    below the axis.
 
     Parameters
     ----------
@@ -66,39 +69,38 @@ def plot_force_curve(curve: ForceCurve, ax: Any = None) -> Any:
         ax = new_figure(1.25).subplots()
     table = curve.table
     motion, guide = color("motion"), color("guide")
-    ax.plot(table["load"], table["mean speed"], color=motion, linewidth=thickness(0.8), zorder=2)
-    for by, filled in (("orbit", "full"), ("run", "none")):
-        rows = table[(table["by"] == by) & table["mean speed"].notna()]
-        if len(rows):
-            ax.plot(
-                rows["load"], rows["mean speed"], linestyle="none", marker="o",
-                color=motion, fillstyle=filled, label=by, zorder=3,
-            )  # fmt: skip
+    ax.plot(
+        table["load"], table["mean speed"], color=motion, linewidth=thickness(0.8), marker="o",
+        label="computed", zorder=3,
+    )  # fmt: skip
     ax.margins(x=0.08)  # room for the label of the last limit
-    label = label_of(table, "load")
-    limits = []
+    label, largest = label_of(table, "load"), float(table["load"].abs().max())
+    limits, beyond = [], []
     for name, (title, dashes) in LOAD_LINES.items():
         value = getattr(curve, name)
         if math.isfinite(value):
-            power, unit = prefixed(label.unit, abs(value))
-            limits.append((value, f"{title}\nup to {value / 10.0**power:.4g} {unit}".rstrip()))
+            words = f"{title}\nup to {amount(value, label.unit, 4)}"
+            if abs(value) > FARTHEST * largest:
+                beyond.append(words.replace("\n", " "))
+                continue
+            limits.append((value, words))
             ax.axvline(value, color=guide, linewidth=thickness(0.8), linestyle=dashes, zorder=1)
     ax.axhline(0.0, color=guide, linewidth=0.6, zorder=0)
     ax.autoscale_view(scaley=False)
-    _shade_runaway(ax, table)
-    label_axis(ax.xaxis, label)
+    _shade_runaway(ax, table, curve.stall_force)
+    label_axis(ax.xaxis, label._replace(suffix="".join(f"\n{words}" for words in beyond)))
     label_axis(ax.yaxis, label_of(table, "mean speed"))
     legend_above(ax)
     label_verticals(ax, limits)
     return ax
 
 
-def _shade_runaway(ax: Any, table: pd.DataFrame) -> None:
-    """Shade the loads at which the device runs away, halfway to the loads at which it does not."""
+def _shade_runaway(ax: Any, table: pd.DataFrame, stall: float) -> None:
+    """Shade the loads at which the device runs away: from the stall force, or halfway."""
     loads, away = table["load"].to_numpy(), (table["does"] == AWAY).to_numpy()
     limits = ax.get_xlim()
-    middles = 0.5 * (loads[1:] + loads[:-1])
-    edges = np.concatenate([[min(limits[0], loads[0])], middles, [max(limits[1], loads[-1])]])
+    between = [stall if a < stall < b else 0.5 * (a + b) for a, b in pairwise(loads.tolist())]
+    edges = [min(limits[0], loads[0]), *between, max(limits[1], loads[-1])]
     look = {"facecolor": "0.9", "linewidth": 0.0, "zorder": 0}
     for index in np.flatnonzero(away):
         ax.axvspan(edges[index], edges[index + 1], label=AWAY, **look)

@@ -9,7 +9,6 @@ import pandas as pd
 
 from mems_impact.actuator.automaton import slips
 from mems_impact.plotting.labels import (
-    Label,
     label_axis,
     label_of,
     legend_above,
@@ -31,6 +30,7 @@ from mems_impact.plotting.trajectories import (
     ORBIT_POINTS_PER_PERIOD,
     RUN_POINTS_PER_PERIOD,
     jump,
+    time_axis,
 )
 
 if TYPE_CHECKING:
@@ -115,13 +115,13 @@ def plot_run(
     InvalidParameter
         If the run has no recorded events, or does not cover these periods.
     """
-    period, delta = run.system.forcing_period, run.actuator.delta
+    (unit, label), delta = time_axis(run.system), run.actuator.delta
     if first is None:
         begin, end = run.extent
         end = end if last is None else last
         first = max(begin, end - FIGURE_PERIODS)
     samples = run.samples(RUN_POINTS_PER_PERIOD, first, last)
-    time = samples["t"] / period
+    time = samples["t"] / unit
     left, right = time.iloc[0], time.iloc[-1]
     nodes = [name for name in NODES if name in samples]
     if ax is None:
@@ -137,7 +137,7 @@ def plot_run(
         block, frame = given_axes(ax, 2, "one for the block, one for the frame")
         voltage = frame
 
-    for slip in _slips(run.events, period, left, right, samples["mode"].iloc[0]):
+    for slip in _slips(run.events, unit, left, right, samples["mode"].iloc[0]):
         for panel in (block, frame):
             # The edge keeps short slips visible.
             panel.axvspan(*slip, linewidth=0.8, zorder=0, **_slip())
@@ -145,7 +145,7 @@ def plot_run(
         block.axhline(stopper, color=color("guide"), zorder=1, **DASHES)
     block.plot(time, samples["x2"], color=color("motion"))
     hits = run.impacts
-    hits = hits.assign(t=hits["period"] + hits["phase"])
+    hits = hits.assign(t=hits["t"] / unit)
     hits = hits[(hits["t"] >= left) & (hits["t"] <= right)]
     if len(hits):  # an empty line would extend the bounding box of the figure
         sides = hits["stopper"].map({"right": delta, "left": -delta}).astype(float)
@@ -156,7 +156,7 @@ def plot_run(
     frame.set_xlim(left, right)
     label_axis(block.yaxis, label_of(samples, "x2", "block in frame $x_2$"))
     label_axis(frame.yaxis, label_of(samples, "x1", "frame $x_1$"))
-    label_axis(voltage.xaxis, Label("time / forcing period"))
+    label_axis(voltage.xaxis, label)
     _key(block)
     return block, frame
 
@@ -200,10 +200,10 @@ def _slip() -> dict[str, Any]:
 
 
 def _slips(
-    events: pd.DataFrame, period: float, left: float, right: float, mode: str
+    events: pd.DataFrame, unit: float, left: float, right: float, mode: str
 ) -> list[tuple[float, float]]:
-    """Return the intervals of slip between `left` and `right`, in forcing periods."""
-    times = events["period"] + events["time"] / period
+    """Return the intervals of slip between `left` and `right`, in the `unit` of the axis."""
+    times = events["t"] / unit
     within = (times >= left) & (times <= right)
     intervals, begin = [], left if slips(mode) else None
     for time, after in zip(times[within], events["mode after"][within], strict=True):

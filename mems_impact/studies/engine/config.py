@@ -366,6 +366,7 @@ _Reader = Callable[[str, Any], Any]
 _READERS: dict[str, _Reader] = {
     "x": _axis,
     "y": _axis,
+    "curves": _axis,
     "initial": _state,
     "over": distributions,
     "store": _text,

@@ -1,7 +1,6 @@
 """Design formulas against the simulation, and the mita2003 preset against its experiment."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,51 +75,6 @@ def test_no_steps_say_why():
                          initial=mi.kicked_state(PAPER), options=INTERPRETED)  # fmt: skip
     with pytest.raises(mi.InvalidParameter, match=r"no step of 1 .* more periods"):
         struck.step_lengths()
-
-
-def test_speed_over_voltage_and_resolution(tmp_path):
-    drive = mi.Sine(amplitude=0.24, omega=0.5)
-    speeds = mi.speed_over_voltage(PAPER, drive, [0.16, 0.18, 0.24], transient=200, periods=10)
-    table = speeds.table
-    assert table["amplitude"].tolist() == [0.16, 0.18, 0.24]
-    assert table["displacement per period"][0] == 0.0
-    assert math.isnan(table["displacement per impact"][0])
-    ratio = table["displacement per period"] / table["mean speed"]
-    assert math.isclose(ratio[2], drive.period)
-    smallest = speeds.resolution()
-    assert smallest == table["displacement per blow"][1] == table["displacement per impact"][1]
-    assert 0.0 < smallest < table["displacement per blow"][2]
-    assert repr(speeds) == "SpeedOverVoltage(amplitude = 0.16 to 0.24, 3 values)"
-    speeds.save(tmp_path / "speeds.zip")
-    assert mi.load(tmp_path / "speeds.zip") == speeds
-
-
-def test_resolution_of_a_device_that_bounces():
-    drive = mi.Sine(amplitude=100.0, omega=2 * math.pi)
-    speeds = mi.speed_over_voltage(MITA, drive, [60.0, 100.0], transient=2, periods=2)
-    table = speeds.table
-    assert table["blows per period"].tolist() == [1.0, 1.0]
-    assert (table["impacts per period"] > 15).all()
-    blow = table["displacement per blow"]
-    assert speeds.resolution() == blow[0]
-    assert abs(blow[1] / 20e-9 - 1) < 0.01
-    bounce = table["displacement per impact"]
-    np.testing.assert_allclose(bounce * table["impacts per period"], blow, rtol=1e-12)
-
-
-@pytest.mark.slow
-def test_no_resolution_says_why():
-    drive = mi.Sine(amplitude=0.24, omega=0.5)
-    speeds = mi.speed_over_voltage(PAPER, drive, [0.1, 0.12], transient=50, periods=10)
-    with pytest.raises(mi.InvalidParameter, match="one blow in a period, but 0 to 0; add voltages"):
-        speeds.resolution()
-    table = speeds.table
-    backward = table.assign(**{"blows per period": 1.0, "displacement per blow": -1e-4})
-    with pytest.raises(mi.InvalidParameter, match="forward at none of the 2 voltages with one"):
-        replace(speeds, table=backward).resolution()
-    failed = table.assign(**{"blows per period": math.nan})
-    with pytest.raises(mi.InvalidParameter, match="one blow in a period; add voltages"):
-        replace(speeds, table=failed).resolution()
 
 
 @pytest.mark.nightly

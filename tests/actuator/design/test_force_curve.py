@@ -28,7 +28,6 @@ def test_what_friction_holds_by_hand():
     assert held.holding_force == pytest.approx(0.4 * normal - weight, rel=1e-12)
     assert held.sliding_force == pytest.approx(0.27 * normal - weight, rel=1e-12)
     assert held.table["does"].tolist() == ["stands"]
-    assert math.isnan(held.walking_force)
     assert math.isnan(held.stall_force)
 
 
@@ -39,7 +38,7 @@ def test_it_walks_until_the_frame_is_torn_off(curve):
     table = curve.table
     assert table["load"].tolist() == [0.0, 8.0, 23.4]
     assert table["does"].tolist() == ["walks", "walks", "runs away"]
-    assert table["by"].tolist() == ["orbit", "orbit", "run"]
+    assert (table["mean speed error"][:2] < 1e-3 * table["mean speed"][:2]).all()
     assert math.isnan(table["mean speed"].iloc[-1])
     np.testing.assert_allclose(table["power"], table["load"] * table["mean speed"])
 
@@ -47,7 +46,7 @@ def test_it_walks_until_the_frame_is_torn_off(curve):
 @pytest.mark.nightly
 def test_the_walk_ends_where_the_load_and_the_block_reach_static_friction(curve):
     # By a run: from the orbit just below it goes on, just above the frame breaks away.
-    below, above = (curve.walking_force * factor for factor in (1.0 - 1e-5, 1.0 + 1e-5))
+    below, above = (curve.stall_force * factor for factor in (1.0 - 1e-3, 1.0 + 1e-3))
     loaded = ZHAO.adding(mi.FrameForce(force=below))
     orbit = mi.find_orbit(loaded, DRIVE, guess=mi.find_orbit(
         ZHAO.adding(mi.FrameForce(force=8.0)), DRIVE, guess=mi.kicked_state(ZHAO), periods=1,
@@ -59,7 +58,7 @@ def test_the_walk_ends_where_the_load_and_the_block_reach_static_friction(curve)
     x2, v2, stuck = grid["x2"], grid["v2"], grid["mode"].astype(str).str.startswith("stuck")
     volts = DRIVE.amplitude * np.cos(DRIVE.omega * grid["t"])
     push = ZHAO.k * x2 + ZHAO.c * v2 - ZHAO.alpha * volts**2 / (ZHAO.d - x2) ** 2 - below
-    assert np.abs(push[stuck]).max() == pytest.approx(0.4 * WEIGHT, rel=2e-5)
+    assert np.abs(push[stuck]).max() == pytest.approx(0.4 * WEIGHT, rel=1e-3)
     beyond = mi.simulate(
         ZHAO.adding(mi.FrameForce(force=above)), DRIVE, 4, initial=orbit.state, options=OPTIONS
     )
@@ -75,7 +74,11 @@ def test_a_frame_that_always_slips_is_not_running_away():
     assert curve.table["does"].tolist() == does
     assert curve.sliding_force == pytest.approx(0.24 * 1.05e-6 * 9.81, rel=1e-12)
     assert 0.0 < curve.stall_force < 0.5e-6
-    assert math.isnan(curve.walking_force)
+    # Plain runs walk just below the stall force, and back just above.
+    for part, sign in ((0.99, 1.0), (1.01, -1.0)):
+        loaded = SLIPPING.adding(mi.FrameForce(force=part * curve.stall_force))
+        run = mi.simulate(loaded, PULLED, 300, window=(200, 300), options=OPTIONS)
+        assert sign * run.statistics["mean speed"] > 0.0
     # The speed is that of a run of the device without load, in which the frame never rests.
     run = mi.simulate(SLIPPING, PULLED, 60, window=(50, 60), options=OPTIONS)
     assert run.statistics["share slipping"] > 0.99
@@ -99,6 +102,26 @@ def test_friction_that_rises_with_the_speed_holds_in_the_end():
     curve = mi.force_curve(spring, PULLED, [3.2e-6], transient=0, periods=2,
                           initial=mi.State(v1=-0.01), options=OPTIONS)  # fmt: skip
     assert curve.table["does"].tolist() != ["runs away"]
+
+
+def test_loads_by_default_end_beyond_the_stall_force():
+    curve = mi.force_curve(ZHAO, DRIVE, transient=20, periods=6)
+    table = curve.table
+    assert table["load"].iloc[0] == 0.0
+    assert table["load"].iloc[-1] == pytest.approx(1.1 * curve.stall_force)
+    assert set(table["does"][:-1]) == {"walks"}
+    assert table["does"].iloc[-1] == "runs away"
+    assert curve.stall_force < curve.holding_force
+
+
+def test_an_interruption_keeps_the_finished_loads():
+    def interrupt(finished):
+        if finished == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(mi.Interrupted, match="after 2 of 3 loads") as caught:
+        mi.force_curve(ZHAO, DRIVE, [0.0, 5.0, 10.0], transient=20, periods=2, progress=interrupt)
+    assert caught.value.partial["load"].tolist() == [0.0, 5.0]
 
 
 def test_what_it_does_not_take():

@@ -1,4 +1,4 @@
-"""Duty cycle, life, ring-down and frequency response, against closed forms and by hand."""
+"""Duty cycle, life and ring-down, against closed forms and by hand."""
 
 import math
 
@@ -163,29 +163,3 @@ def test_a_block_that_does_not_swing():
     for c in (0.0, 1e-9):  # the decrement is pi c
         with pytest.raises(mi.InvalidParameter, match="decays by less than 1e-08 per cycle"):
             mi.ring_down(ZHAO.replace(c=c), DRIVE, initial=mi.State(x2=0.3))
-
-
-@pytest.fixture(scope="module")
-def response():
-    return mi.frequency_response(
-        ZHAO, DRIVE, [0.3, 0.5], [0.02, 0.24], direction="down", transient=150, periods=2,
-        options=mi.Options(method="dop853"),
-    )  # fmt: skip
-
-
-@pytest.mark.slow
-def test_frequency_response(response, tmp_path):
-    table = response.table
-    assert table["amplitude"].tolist() == [0.02, 0.02, 0.24, 0.24]
-    assert table["omega"].tolist() == [0.5, 0.3, 0.5, 0.3]
-    assert table["impacting"].tolist() == [False, False, True, False]
-    assert table["deflection"].iloc[2] == ZHAO.delta
-    # A force alpha v^2/d^2 on a linear oscillator: its mean, and its swing at twice the frequency.
-    force, r = 0.5 * 0.02**2, 0.6
-    linear = force * (1.0 + 1.0 / math.hypot(1.0 - r * r, ZHAO.c * r))
-    assert table["deflection"].iloc[1] == pytest.approx(linear, rel=0.01)
-    onset = response.impact_onset
-    assert np.isnan(onset["omega from"].iloc[0])
-    assert onset["omega from"].iloc[1] == 0.5
-    upper, _ = mi.plot_response(response)
-    upper.figure.savefig(tmp_path / "response.png")

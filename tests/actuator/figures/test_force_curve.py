@@ -14,13 +14,13 @@ def test_a_speed_that_was_not_computed_is_no_point():
     ax = mi.plot_force_curve(load())
     points = np.concatenate([line.get_xydata() for line in ax.lines if line.get_marker() != "None"])
     assert sorted(points[:, 0]) == [-2e-5, 0.0, 1e-5, 2e-5]
-    # The device runs away at the last load alone, halfway from the one before.
+    # The device runs away at the last load, beyond the stall force.
     (shade,) = ax.patches
     left, right = shade.get_x(), shade.get_x() + shade.get_width()
-    assert left == pytest.approx(2.5e-5)
+    assert left == pytest.approx(2.4e-5)
     assert right >= ax.get_xlim()[1] - 1e-12
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert legend == ["orbit", "run", "runs away"]
+    assert legend == ["computed", "runs away"]
 
 
 def narrow():
@@ -28,17 +28,17 @@ def narrow():
     speeds = [40e-9, 31.2e-9, 25.5e-9, 21.6e-9, 18.8e-9, np.nan]
     table = pd.DataFrame({
         "load": [0.0, 1e-5, 2e-5, 3e-5, 4e-5, 4.8e-5], "mean speed": speeds,
-        "by": ["orbit"] * 5 + [""], "does": ["walks"] * 5 + ["runs away"]})  # fmt: skip
+        "does": ["walks"] * 5 + ["runs away"]})  # fmt: skip
     table.attrs = load().table.attrs
     return SimpleNamespace(
-        table=table, sliding_force=3.331e-5, walking_force=4.667e-5, holding_force=4.935e-5
+        table=table, sliding_force=3.331e-5, stall_force=4.667e-5, holding_force=4.935e-5
     )
 
 
 @pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("found", "sliding", "walking", "holding"),
-    [(load(), "27.8", "19.3", "41.2"), (narrow(), "33.31", "46.67", "49.35")],
+    [(load(), "27.8", "24", "41.2"), (narrow(), "33.31", "46.67", "49.35")],
     ids=["apart", "narrow"],
 )
 def test_limits_are_labelled_on_their_lines(found, sliding, walking, holding):
@@ -47,7 +47,7 @@ def test_limits_are_labelled_on_their_lines(found, sliding, walking, holding):
     places = {text.get_text().replace("\n", " "): text.get_window_extent() for text in ax.texts}
     lines = {
         f"every slip ends up to {sliding} µN": found.sliding_force,
-        f"walks up to {walking} µN": found.walking_force,
+        f"walks up to {walking} µN": found.stall_force,
         f"holds without voltage up to {holding} µN": found.holding_force,
     }
     assert set(places) == set(lines)
@@ -63,3 +63,11 @@ def test_limits_are_labelled_on_their_lines(found, sliding, walking, holding):
         for other in lines.values():
             assert not box.x0 < ax.transData.transform((other, 0.0))[0] < box.x1
         assert not any(box.contains(*point) for point in curve)
+
+
+def test_a_limit_far_beyond_the_loads_is_told_below():
+    found = load()
+    found.holding_force = 9e-5
+    ax = mi.plot_force_curve(found)
+    assert "holds without voltage up to 90 µN" in ax.get_xlabel()
+    assert len(ax.texts) == 2
