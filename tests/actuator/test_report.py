@@ -160,8 +160,6 @@ def test_a_default_drive():
     drive = mi.walking_drive(MITA)
     assert {f"{drive.amplitude:g} V", f"{drive.frequency:g} Hz"} <= set(Page(page.html).texts["td"])
     assert page.facts["step per cycle"] != "0 m"
-    heavy = MITA.replace(m1=1e6 * MITA.m1)
-    assert "No sine that was tried makes the frame walk" in mi.report(heavy, only=["Drive"]).html
 
 
 @pytest.mark.slow

@@ -51,8 +51,8 @@ def test_a_load_curve(cli, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("characteristic", "mita2003", "omga=1:2:3"), "omga"),
-        (("characteristic", "mita2003", "frequency=1 V:2 V:3"), "must be a number [Hz]"),
+        (("characteristic", "mita2003", "omga=1:2:3", "--amplitude", "30"), "omga"),
+        (("characteristic", "mita2003", "amplitude=1 Hz:2 Hz:3"), "must be a number [V]"),
         (("characteristic", "mita2003", "amplitude=1:2"), "must be NAME=START:STOP:POINTS"),
         (("characteristic", "mita2003", "amplitude=20:30:2", "--wear", "1e-13"),
          "a life needs wear, area and depth"),

@@ -69,8 +69,9 @@ def plot_force_curve(curve: ForceCurve, ax: Any = None) -> Any:
         ax = new_figure(1.25).subplots()
     table = curve.table
     motion, guide = color("motion"), color("guide")
+    known = table[table["mean speed"].notna()]
     ax.plot(
-        table["load"], table["mean speed"], color=motion, linewidth=thickness(0.8), marker="o",
+        known["load"], known["mean speed"], color=motion, linewidth=thickness(0.8), marker="o",
         label="computed", zorder=3,
     )  # fmt: skip
     ax.margins(x=0.08)  # room for the label of the last limit
