@@ -43,8 +43,8 @@ FASTER = 1e3  # factor of the speed at which friction is checked for a frame tha
 SPEEDS = np.geomspace(1e-9, 1e9, 18001)  # of a slip, in scaled units
 MIN_DISPLACEMENT = 1e-12  # of delta: a smaller displacement is rounding
 COARSE_LOADS = 5  # up to the holding force, between which a stall force is sought
-LOADS = 9  # of a curve by default, up to the stall force
-BEYOND = 1.1  # the largest load by default, relative to the stall force
+LOADS = 9  # of a curve by default, up to just below the stall force
+NEAR, BEYOND = 0.99, 1.1  # the last loads by default, relative to the stall force
 STALL_RTOL = 1e-4  # accuracy of a stall force, relative to the holding force
 MOST_DOUBLINGS = 8  # of the holding force, for a device that walks against it
 
@@ -202,7 +202,7 @@ def _loads(actuator: Actuator, loads: Any, holding: float, stall: float) -> Floa
     """Return the loads in ascending order."""
     if loads is None:
         end = stall if math.isfinite(stall) and stall != 0.0 else holding
-        values = [*np.linspace(0.0, end, LOADS).tolist(), BEYOND * end]
+        values = [*np.linspace(0.0, NEAR * end, LOADS).tolist(), BEYOND * end]
     else:
         values = numbers_for(actuator, "loads", loads, "N")
     try:

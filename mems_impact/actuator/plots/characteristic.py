@@ -36,7 +36,7 @@ WORDS = {
     "power in": "power",
 }
 """Labels of axes that differ from the columns of the table."""
-PANELS = ("displacement per blow", "mean speed", "energy in per blow", "life", "stall force")
+PANELS = ("displacement per blow", "mean speed", "energy in per blow", "stall force")
 SHOWN_ERROR = 0.01  # relative error of a speed from which it is drawn
 
 
@@ -56,8 +56,8 @@ def plot_characteristic(
     ax : matplotlib Axes or sequence of these, optional
         Axes to draw on, one per quantity; a new figure by default.
     quantity : str or sequence of str, optional
-        Columns of the table; by default step per blow, mean speed and energy per blow, and life
-        and stall force if they were computed; for a device that never strikes its deflection.
+        Columns of the table; by default step per blow, mean speed and energy per blow, and the
+        stall force if it was computed; for a device that never strikes its deflection.
 
     Returns
     -------

@@ -100,7 +100,7 @@ def _shade_runaway(ax: Any, table: pd.DataFrame, stall: float) -> None:
     """Shade the loads at which the device runs away: from the stall force, or halfway."""
     loads, away = table["load"].to_numpy(), (table["does"] == AWAY).to_numpy()
     limits = ax.get_xlim()
-    between = [stall if a < stall < b else 0.5 * (a + b) for a, b in pairwise(loads.tolist())]
+    between = [stall if a < stall <= b else 0.5 * (a + b) for a, b in pairwise(loads.tolist())]
     edges = [min(limits[0], loads[0]), *between, max(limits[1], loads[-1])]
     look = {"facecolor": "0.9", "linewidth": 0.0, "zorder": 0}
     for index in np.flatnonzero(away):
