@@ -97,7 +97,12 @@ class ActuatorParameters(Checked):
 
     def __iter__(self) -> Any:
         # Iteration and dict() omit terms and geometry if there are none, as in the paper's device.
-        return ((name, value) for name, value in super().__iter__() if value not in ((), None))
+        absent = {"terms": (), "geometry": None}
+        return (
+            (name, value)
+            for name, value in super().__iter__()
+            if name not in absent or value != absent[name]
+        )
 
     def __repr_args__(self) -> Any:
         return list(self)

@@ -410,7 +410,7 @@ class ActuatorStatistics(SystemStatistics):
         sums: Mapping[str, Sequence[int]] = MappingProxyType({}),
     ) -> None:
         super().__init__(system, partial(NamedState, system.states), attrgetter("parameters"))
-        self._given, self._sums = given, sums
+        self._given, self._sums = given, dict(sums)
 
     @property
     def observables(self) -> tuple[Observable, ...]:

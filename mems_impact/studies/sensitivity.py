@@ -217,7 +217,7 @@ def derivatives(
             if chosen and kind:
                 result[rows, column] = _along_solved(orbit.system, chosen, tangent, size)
             elif chosen:
-                growth = np.clip(tangent.growth * size, 1.0, 10.0)
+                growth = float(np.clip(tangent.growth * size, 1.0, 10.0))
                 result[rows, column] = _derivatives(
                     orbit.system, chosen, tangent.to_first_order, DERIVATIVE_STEP * size / growth
                 )

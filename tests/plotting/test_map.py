@@ -62,7 +62,7 @@ def cells(ax, x, y):
 def test_kinds_of_motions(tmp_path):
     ax = mi.plot_map(map_table())
     assert words(ax) == ["no impacts", "resting", "period 1", "2", "chaotic", "failed"]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("amplitude $f$ [V]", "$\\omega$")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("amplitude $f$ [mV]", "$\\omega$")
     assert cells(ax, 0.4, 1.0) == ["period 1"]
     assert cells(ax, 0.1, 2.0) == ["2"]
     assert cells(ax, 0.2, 2.0) == ["chaotic"]
@@ -149,7 +149,7 @@ def test_a_part_of_a_map():
 def test_a_table_from_a_file(tmp_path):
     with_units(map_table()).to_csv(tmp_path / "map.csv", index=False)
     ax = mi.plot_map(pd.read_csv(tmp_path / "map.csv"))
-    assert ax.get_xlabel() == "amplitude [V]"
+    assert ax.get_xlabel() == "amplitude [mV]"
     assert cells(ax, 0.4, 1.0) == ["period 1"]
 
 

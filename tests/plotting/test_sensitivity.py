@@ -47,7 +47,7 @@ def test_tolerances_and_units(tmp_path):
     given = {"delta": 1e-8, "k": 0.1}
     assert mi.plot_sensitivity(sensitivity_of(MITA), "mean speed", ax, tolerances=given) is ax
     names = [label.get_text() for label in ax.get_yticklabels()]
-    assert names == ["$k$ ± 0.1 N/m", r"$\delta$ ± 10 nm"]
+    assert names == ["$k$ ± 100 mN/m", r"$\delta$ ± 10 nm"]
     assert "m/s]" in ax.get_xlabel()
     assert ax.get_xlabel().endswith("from 20 µm/s")
     ax.figure.savefig(tmp_path / "tornado.png")
