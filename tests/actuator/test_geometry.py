@@ -466,6 +466,7 @@ def test_tolerances_of_a_process():
     assert (drawn.points["status"] == "ok").all()
 
 
+@pytest.mark.slow
 def test_an_undercut_is_fitted_to_a_voltage():
     made = mi.load_actuator("rauf2022")
     volts = mi.pull_in_voltage(made.changed(**{"geometry.undercut": "0.4 um"}))

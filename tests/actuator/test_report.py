@@ -232,6 +232,7 @@ def test_a_chart_lies_where_the_force_excites_the_block(drive, where):
     assert where in str(section.blocks[0])
 
 
+@pytest.mark.slow
 def test_a_comb_has_a_voltage_of_contact():
     comb = mi.CombDrive(fingers=100, gap="2 um", thickness="20 um", overlap="30 um", sides="right")
     x = [-3e-6, -1e-6, 1e-6, 3e-6]

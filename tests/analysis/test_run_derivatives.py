@@ -475,6 +475,7 @@ def test_a_switch_at_once_after_another_one_in_a_later_period():
     assert instants == pytest.approx(np.array([[-instant / 0.7, 1.0 / 0.7, 0.0]] * 2), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_functions_of_statistics_and_directions():
     run = mi.simulate(bouncing(0.5), duration=1.2, keep="statistics", options=INTERPRETED)
     full = mi.simulate(bouncing(0.5), duration=1.2, options=INTERPRETED)

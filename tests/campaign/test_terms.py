@@ -23,6 +23,7 @@ def test_every_term_is_tried():
     assert tried == set(terms.JUDGED) == set(TERM_CLASSES) - {"slew_rate"}
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize("number", QUICK)
 def test_motions_and_energies_with_terms_are_those_of_the_judge(number):
     """Of devices with random terms under random drives, all kinds of drives among them."""

@@ -192,6 +192,7 @@ def test_a_sample_beside_an_impact_bounds_the_estimates():
     assert "the sequence of events changes next to the fitted values" in found.note
 
 
+@pytest.mark.slow
 def test_further_starts_find_another_minimum():
     """The slope a^3 - a is 2 at a = 1.5214, and largest for a < 0 at a = -1/sqrt(3)."""
     t = np.linspace(0.1, 1.0, 5)

@@ -28,6 +28,7 @@ def energy(ball):
     return mi.jax_function(ball, of, ["e"], duration=2.7)
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize("derivative", [jax.grad, jax.jacfwd, lambda f: jax.jit(jax.jacrev(f))])
 def test_gradient_after_five_bounces(energy, derivative):
     assert abs(float(energy([E])) - G * E ** (2 * BOUNCES)) < 1e-9

@@ -20,6 +20,7 @@ def curve():
     return mi.characteristic(PAPER, DRIVE, "amplitude", [0.16, 0.18, 0.24], stall=True, **BRIEF)
 
 
+@pytest.mark.slow
 def test_working_points_are_those_of_plain_long_runs(curve):
     table = curve.table
     assert table["amplitude"].tolist() == [0.16, 0.18, 0.24, 0.24, 0.18, 0.16]

@@ -141,6 +141,7 @@ def test_in_si_it_is_the_same_in_joules():
     assert si.lost == pytest.approx(bare.lost * scales.unit("J"), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_it_is_a_value(orbit, tmp_path):
     found = mi.energy(orbit)
     found.save(tmp_path / "energy.zip")

@@ -19,6 +19,7 @@ def curve():
     return mi.force_curve(ZHAO, DRIVE, [23.4, 8.0, 0.0], transient=20, periods=10, options=OPTIONS)
 
 
+@pytest.mark.slow
 def test_what_friction_holds_by_hand():
     tilted = ZHAO.adding(mi.Tilt(angle=0.1))
     quiet = mi.Sine(amplitude=0.0, omega=0.5)
@@ -104,6 +105,7 @@ def test_friction_that_rises_with_the_speed_holds_in_the_end():
     assert curve.table["does"].tolist() != ["runs away"]
 
 
+@pytest.mark.slow
 def test_loads_by_default_end_beyond_the_stall_force():
     curve = mi.force_curve(ZHAO, DRIVE, transient=20, periods=6)
     table = curve.table

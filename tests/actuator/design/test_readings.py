@@ -47,6 +47,7 @@ def test_duty_cycle_of_an_orbit(orbit, tmp_path):
     assert mi.load(tmp_path / "duty.zip") == found
 
 
+@pytest.mark.slow
 def test_a_block_that_rests_is_in_contact():
     run = mi.simulate(MITA, mi.Sine(amplitude=100, omega=2 * math.pi), 1, window=(0, 1),
                       options=OPTIONS)  # fmt: skip
