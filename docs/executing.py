@@ -13,6 +13,8 @@ from io import StringIO
 from pathlib import Path
 from textwrap import dedent
 
+from matplotlib import pyplot
+
 BLOCK = re.compile(r"^( *)```python\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 MADE = Path(__file__).parent / "made"
 
@@ -34,6 +36,7 @@ def run(app, page, content):
             code = "\n" * text.count("\n", 0, match.start(2)) + dedent(match.group(2))
             with redirect_stdout(StringIO()):
                 exec(compile(code, str(source), "exec"), namespace)
+            pyplot.close("all")
             parts.append(text[last : match.end()])
             last = match.end()
             for path in sorted(Path().glob("*.png")):
