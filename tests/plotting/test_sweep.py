@@ -26,9 +26,9 @@ def test_own_system(section, tmp_path):
     assert above is ax
     words = "$x$ [m] where periods begin" if section is None else "$v$ [m/s] at $x = 0.5$"
     assert above.get_ylabel() == words
-    assert speed.get_ylabel() == "speed [m/s]"
+    assert speed.get_ylabel() == "speed [mm/s]"
     assert energy.get_ylabel().startswith("energy")
-    assert energy.get_xlabel() == "$A$ [N]"
+    assert energy.get_xlabel() == "$A$ [mN]"
     assert drawn(above, "o") == list(sweep.table["A"])
     assert mi.plot_sweep(sweep, quantity="impacts per period").figure.axes[1:] == []
     ax.figure.savefig(tmp_path / "sweep.png")
