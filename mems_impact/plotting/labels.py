@@ -324,16 +324,19 @@ def label_verticals(ax: Any, lines: Sequence[tuple[float, str]]) -> list[Any]:
 def free_corner(
     ax: Any, width: float, height: float, top: float = 0.97
 ) -> tuple[float, float] | None:
-    """Return the lower left corner of a box that covers no line.
+    """Return the lower left corner of a box that covers neither a line nor a text.
 
     The box is below `top`; None if there is no place.
     """
     _root(ax).draw_without_rendering()
-    lines = ax.transAxes.inverted().transform(_dense(ax)[:, :2])
+    to_axes = ax.transAxes.inverted()
+    lines = to_axes.transform(_dense(ax)[:, :2])
+    texts = [to_axes.transform(text.get_window_extent()) for text in ax.texts]
     left, below = 0.1, 0.1  # for its tick labels
     for y, x in product(np.linspace(top - height, below, 12), np.linspace(left, 0.98 - width, 12)):
         low, high = np.array([x - left, y - below]), np.array([x + width, y + height])
-        if not ((lines > low) & (lines < high)).all(axis=1).any():
+        covered = [((start < high) & (end > low)).all() for start, end in texts]
+        if not any(covered) and not ((lines > low) & (lines < high)).all(axis=1).any():
             return float(x), float(y)
     return None
 
