@@ -17,9 +17,7 @@ __all__ = ["available_options", "engine_class", "is_compiled"]
 def engine_class(options: Options) -> Any:
     """Return the class of an engine, such as `CompiledCvode` in ``cvode/compiled.py``."""
     form = "compiled" if is_compiled(options) else "interpreted"
-    folder = FOLDERS[str(options.method)]
-    module = import_module(f"mems_impact.integrators.{folder}.{form}")
-    return getattr(module, class_name(f"{form}_{folder}"))
+    return getattr(_module(form, options), class_name(f"{form}_{FOLDERS[str(options.method)]}"))
 
 
 def is_compiled(options: Options) -> bool:
@@ -41,7 +39,7 @@ def available_options(options: Options) -> Options:
     if options.engine == "interpreted":
         return options
     try:
-        _prepare(options)
+        _module("compiled", options).prepare()
     except EngineUnavailable as error:
         other = replace(options, method="dop853")
         if options.method == "auto" and _can_compile(other):
@@ -57,14 +55,14 @@ def available_options(options: Options) -> Options:
     return options
 
 
-def _prepare(options: Options) -> None:
-    folder = FOLDERS[str(options.method)]
-    import_module(f"mems_impact.integrators.{folder}.compiled").prepare()
-
-
 def _can_compile(options: Options) -> bool:
     try:
-        _prepare(options)
+        _module("compiled", options).prepare()
     except EngineUnavailable:
         return False
     return True
+
+
+def _module(form: str, options: Options) -> Any:
+    """Import the "compiled" or "interpreted" module of the method."""
+    return import_module(f"mems_impact.integrators.{FOLDERS[str(options.method)]}.{form}")

@@ -176,6 +176,7 @@ def _extension(name: str) -> ModuleSpec:
 
     That would take a third of the time until a first run.
     """
+    _dll_folders()
     package = find_spec("sksundae")
     path = package.submodule_search_locations if package is not None else None
     spec = PathFinder.find_spec(f"sksundae.{name}", path) if path is not None else None
@@ -186,7 +187,6 @@ def _extension(name: str) -> ModuleSpec:
 
 def _build_config() -> dict[str, str]:
     """Return how scikit-sundae's SUNDIALS was built."""
-    _dll_folders()
     spec = _extension("_cy_common")
     module = sys.modules.get(spec.name)
     if module is None:
