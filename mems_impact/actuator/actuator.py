@@ -5,23 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
-
-from mems_impact.actuator.plausibility import check_plausible_device, check_plausible_drive
-from mems_impact.actuator.terms.base import Term
-
-if TYPE_CHECKING:
-    from mems_impact.actuator.design.data_sheet import DataSheet
-    from mems_impact.actuator.drives.base import Drive
-    from mems_impact.actuator.system import ActuatorSystem
-    from mems_impact.integrators.options import Options
-    from mems_impact.systems.state import State
-
+from typing import Any, Literal, Self
 
 from mems_impact.actuator.design.data_sheet import DataSheet, actuator_from_design
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import ActuatorParameters
+from mems_impact.actuator.plausibility import check_plausible_device, check_plausible_drive
 from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.verilog_a import write_verilog_a
 from mems_impact.integrators.options import Options
 from mems_impact.systems.state import State

@@ -41,7 +41,7 @@ from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.definition import Typical
 from mems_impact.hybrid.pickling import reference
-from mems_impact.hybrid.problem import Problem, Section
+from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments
@@ -241,14 +241,16 @@ class ActuatorSystem(ActuatorNumerics):
             if term.source(self.drive) is not self.drive
             for name in term.names
         }
-        names = self.parameters.keys() - shaping  # tables are no parameters
-        return {name: i for name, i in places.items() if name in names and self._occurs_at(name, i)}
+        names, own = self.parameters.keys() - shaping, self.numbers()  # tables are no parameters
+        return {
+            name: i for name, i in places.items() if name in names and self._occurs_at(name, i, own)
+        }
 
-    def _occurs_at(self, name: str, place: int) -> bool:
+    def _occurs_at(self, name: str, place: int, before: ProblemParameters) -> bool:
         """Return whether a parameter changes one element of the array, in proportion, alone."""
         value = self.parameters[name]
         other = value * (1.0 + 2.0**-10) if value != 0.0 else 2.0**-10
-        before, after = self.numbers(), self.numbers({name: other})
+        after = self.numbers({name: other})
         if len(before.parameters) != len(after.parameters) or before[1:] != after[1:]:
             return False
         changed = np.flatnonzero(before.parameters != after.parameters).tolist()

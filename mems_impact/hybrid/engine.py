@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import monotonic, thread_time
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from mems_impact.integrators.availability import engine_class, is_compiled
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.options import Options
 
-__all__ = ["LoopMemory", "create_engine"]
+__all__ = ["Extension", "LoopMemory", "create_engine"]
 
 
 class Engine(Protocol):
@@ -125,11 +125,25 @@ class StepQuota:
         self.steps = min(self.steps, self.last)
 
 
-def create_engine(problem: Problem, columns: int = 0, *, known: bool = False) -> EngineBinding:
-    """Create the engine that the problem's options require.
+class Extension(NamedTuple):
+    """The equations of the states of a problem and of columns behind them.
 
     Margins and transitions take the state without its last `columns` components, which may belong
     to a `known` motion (see `Equations`).
+    """
+
+    automaton: Automaton
+    parameters: Any
+    columns: int
+    known: bool
+
+
+def create_engine(
+    problem: Problem, extension: Extension | None = None, *, sectioned: bool = True
+) -> EngineBinding:
+    """Create the engine that the problem's options require, of its equations or an extension.
+
+    An extension has no section; unless `sectioned`, the problem's own is not observed.
 
     Raises
     ------
@@ -142,7 +156,10 @@ def create_engine(problem: Problem, columns: int = 0, *, known: bool = False) ->
     """
     if problem.unavailable_reason:
         raise FunctionsMissing(problem.unavailable_reason)
-    automaton, options = problem.automaton, problem.options
+    options = problem.options
+    automaton, parameters, columns, known = extension or (
+        problem.automaton, problem.parameters, 0, False,
+    )  # fmt: skip
     equations = Equations(
         flow=automaton.flow,
         margins=automaton.margins,
@@ -150,9 +167,9 @@ def create_engine(problem: Problem, columns: int = 0, *, known: bool = False) ->
         n=len(automaton.states),
         m=len(automaton.guards),
         modes=len(automaton.modes),
-        parameters=problem.parameters,
+        parameters=parameters,
         approaches=[guard.impact for guard in automaton.guards],
-        section=problem.section,
+        section=problem.section if sectioned and extension is None else None,
         bounds=automaton.bounds,
         columns=columns,
         known=known,
@@ -160,7 +177,7 @@ def create_engine(problem: Problem, columns: int = 0, *, known: bool = False) ->
     if not columns and (options.method == "bdf" or (options.method == "auto" and automaton.stiff)):
         from mems_impact.hybrid.variational.tangents import flow_jacobian, jacobian_memory
 
-        n, count = equations.n, len(problem.parameters)
+        n, count = equations.n, len(parameters)
         equations = replace(
             equations,
             jacobian=flow_jacobian(automaton.flow, n, count),

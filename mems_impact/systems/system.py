@@ -45,7 +45,7 @@ from mems_impact.systems.state_space import FunctionStateSpace
 from mems_impact.systems.statistics import SystemStatistics
 from mems_impact.systems.typical_scales import typical_of
 from mems_impact.systems.units import Units
-from mems_impact.systems.validation import check_end, check_parted, check_run
+from mems_impact.systems.validation import CHECK_OPTIONS, check_end, check_parted, check_run
 
 __all__ = ["System"]
 
@@ -245,7 +245,7 @@ class System(HybridSystem):
         )
         sizes = arguments.sizes(typical)
         # In the user's units, in which functions and messages count.
-        problem, given = self.problem(Options()), initial is not None
+        problem, given = self.problem(CHECK_OPTIONS), initial is not None
         check_run(
             self,
             self.definition,
@@ -351,7 +351,7 @@ class System(HybridSystem):
         vars(other)["_unended"] = self
         arguments.function("until", until, *arguments.ARGUMENTS)
         other.definition = ending(self.definition, until)
-        check_end(self, other.definition, self.problem(Options()))
+        check_end(self, other.definition, self.problem(CHECK_OPTIONS))
         return other
 
     @property

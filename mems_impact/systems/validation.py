@@ -533,6 +533,7 @@ LONGEST_STEP = 0.25  # of the time scale
 CHECK_RTOL = 1e-8  # of the run
 COMPARED_POINTS = 6  # points per mode at which times and rates are checked
 INSTANT = 100  # times that guards may fire in one instant
+CHECK_OPTIONS = Options(method="dop853", engine="interpreted", rtol=CHECK_RTOL, max_events=INSTANT)
 KINDS = {TRANSITION: "transition", ACCUMULATION: "rest"}  # of the transitions of a guard
 
 EventCallback = Callable[[int, EvaluationPoint, EvaluationPoint], None]
@@ -563,12 +564,9 @@ class ShortRun:
         self.guards = checked.definition.guards
         slope = checked.flow(_point(start.mode, start.time, start.y))
         sizes = (max(abs(y), abs(dy) * unit) for y, dy in zip(start.y, slope, strict=True))
-        options = Options(
-            method="dop853",
-            engine="interpreted",
-            rtol=CHECK_RTOL,
+        options = replace(
+            CHECK_OPTIONS,
             atol=CHECK_RTOL * min((float(size) for size in sizes if size > 0.0), default=1.0),
-            max_events=INSTANT,
         )
         scale = LONGEST_STEP * STEPS_PER_PERIOD * unit
         self.problem = replace(problem, options=options, time_scale=scale)

@@ -135,8 +135,8 @@ def test_results_do_not_depend_on_the_steps_per_call(monkeypatch, system, recurr
     found = []
     for steps in (1, 7, 20_000):
 
-        def bound(problem, steps=steps):
-            return replace(create_engine(problem), quota=StepQuota(steps))
+        def bound(problem, *extension, steps=steps, **more):
+            return replace(create_engine(problem, *extension, **more), quota=StepQuota(steps))
 
         for module in (mapper, lyapunov):
             monkeypatch.setattr(module, "create_engine", bound)

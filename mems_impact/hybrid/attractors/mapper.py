@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -256,11 +256,12 @@ class AttractorMapper:
         self._observed = observed or NO_OBSERVABLES
         gains, marks = len(self._observed.gains), len(self._observed.marks)
         is_forced = return_kind == recurrence.STROBOSCOPIC
-        if is_forced and problem.section is not None:
-            problem = replace(problem, section=None)  # only other returns need its crossings
-        self._binding = binding = create_engine(problem)
+        without = {"section": workspace.NONE} if is_forced else {}  # only other returns need it
+        self._binding = binding = create_engine(problem, sectioned=not is_forced)
         self._sizes = n, m, len(automaton.modes), gains, marks
-        self._loop = LoopMemory(problem, binding, MAX_PERIOD_STARTS, per_period=int(is_forced))
+        self._loop = LoopMemory(
+            problem, binding, MAX_PERIOD_STARTS, per_period=int(is_forced), **without
+        )
         self._clock = clock = self._loop.clock
         observe = self._observed.function if gains + marks else None
         addresses, self._kernels = binding.kernel_addresses(clock, observe, n, gains + marks)

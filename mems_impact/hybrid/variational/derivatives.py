@@ -162,8 +162,8 @@ class Variational:
 
         def build(exact: bool) -> tuple[EngineBinding, Any]:
             flow = tangent_flow(automaton.flow, self.n, p.size, columns, self.k, exact=exact)
-            extended = with_columns(problem, flow, self._block, self._size, guarded=True)
-            binding = create_engine(extended, self._size - self.n, known=True)
+            extended = with_columns(automaton, flow, self._block, self._size, guarded=True)
+            binding = create_engine(problem, extended)
             return binding, tangents_of_events(problem, binding, self.k, exact)
 
         self._time_scale = problem.time_scale or problem.period

@@ -16,7 +16,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid.automaton import Automaton, unguarded
-from mems_impact.hybrid.engine import EngineBinding
+from mems_impact.hybrid.engine import EngineBinding, Extension
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.variational.tangents import (
     Sizes,
@@ -34,18 +34,18 @@ MAX_WIDTH = 12  # tangents of a call of the flow; more columns take several call
 
 
 def with_columns(
-    problem: Problem,
+    automaton: Automaton,
     flow: Callable[..., Any],
     parameters: Floats,
     size: int,
     *,
     guarded: bool = False,
-) -> Problem:
-    """Return the problem of `size` components, state and columns, with their flow.
+    known: bool = True,
+) -> Extension:
+    """Return the equations of `size` components, state and columns, with their flow.
 
-    Unless `guarded`, it has no margins; it has the transitions in any case.
+    Unless `guarded`, they have no margins; they have the transitions in any case.
     """
-    automaton = problem.automaton
     watched = automaton if guarded else unguarded(automaton)
     extended = Automaton(
         states=tuple(f"y{i}" for i in range(size)),
@@ -56,13 +56,7 @@ def with_columns(
         transition=automaton.transition,
         bounds=automaton.bounds,
     )
-    return Problem(
-        automaton=extended,
-        parameters=parameters,
-        period=problem.period,
-        options=problem.options,
-        time_scale=problem.time_scale,
-    )
+    return Extension(extended, parameters, size - len(automaton.states), known)
 
 
 def extended_parameters(p: Floats, directions: Floats, n: int, columns: int) -> Floats:

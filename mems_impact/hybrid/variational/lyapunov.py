@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,7 +97,6 @@ class LyapunovIntegrator:
         uneven: bool = False,
         balanced: bool = False,
     ) -> None:
-        problem = replace(problem, section=None)  # perturbations do not need its crossings
         automaton, n = problem.automaton, len(problem.automaton.states)
         self._columns, self._size = count, n * (1 + count)
         self.chunk, self.uneven = chunk, uneven
@@ -106,8 +104,10 @@ class LyapunovIntegrator:
         def build(exact: bool) -> tuple[EngineBinding, Any]:
             flow = tangent_flow(automaton.flow, n, len(problem.parameters), count, exact=exact)
             parameters = _with_scratch(problem, self._size)
-            extended = with_columns(problem, flow, parameters, self._size, guarded=True)
-            binding = create_engine(extended, n * count)
+            extended = with_columns(
+                automaton, flow, parameters, self._size, guarded=True, known=False
+            )
+            binding = create_engine(problem, extended)
             return binding, tangents_of_events(problem, binding, 0, exact)
 
         self._binding, (tangents, self._kernel) = exact_or_not(automaton, build)
@@ -124,7 +124,7 @@ class LyapunovIntegrator:
         """Begin again, with a problem that differs in parameters and times only."""
         longest_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
         self._binding.call(reset, _with_scratch(problem, self._size), longest_step)
-        self._initialize(replace(problem, section=None), start)
+        self._initialize(problem, start)
         self._work["steps"] = 0
 
     def _initialize(self, problem: Problem, start: HybridState) -> None:
@@ -146,6 +146,7 @@ class LyapunovIntegrator:
             end_cycle=start.cycle,
             end_phase=start.time,
             events_from=start.cycle,
+            section=workspace.NONE,  # perturbations do not need its crossings
         )
         self._memory.put(start)
         scale = problem.time_scale or problem.period

@@ -438,8 +438,8 @@ class RunColumns:
 
         def build(exact: bool) -> tuple[EngineBinding, Any]:
             flow = tangent_flow(automaton.flow, n, p.size, s, s, exact=exact)
-            extended = with_columns(problem, flow, self._block, size)
-            binding = create_engine(replace(extended, options=chosen), size - n, known=True)
+            extended = with_columns(automaton, flow, self._block, size)
+            binding = create_engine(replace(problem, options=chosen), extended)
             return binding, tangents_of_events(problem, binding, s, exact)
 
         self._binding, (tangents, self._kernel) = exact_or_not(automaton, build)
