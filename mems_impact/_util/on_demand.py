@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import FunctionType
-from typing import Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 T = TypeVar("T")
+
+
+def computed(instance: object) -> dict[str, Any]:
+    """Return the attributes of an instance, to be pickled, after those on demand were computed."""
+    return {name: getattr(instance, name) for name in vars(instance)}
 
 
 class OnDemand(Generic[T]):

@@ -10,6 +10,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact._util.formatting import stability_name
+from mems_impact._util.on_demand import OnDemand, computed
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
@@ -80,8 +81,11 @@ class PeriodicOrbit:
     shooting: Shooting
     point: ShootingEvaluation
     multipliers: Complexes
-    defects: tuple[AdmissibilityViolation, ...]
-    stable: bool | None
+    # Of many orbits along a branch neither is read.
+    defects: OnDemand[tuple[AdmissibilityViolation, ...]] = OnDemand()  # noqa: RUF009
+    stable: OnDemand[bool | None] = OnDemand()  # noqa: RUF009 - a descriptor
+
+    __getstate__ = computed
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value:.9g}" for name, value in self.family.values.items())
@@ -201,8 +205,8 @@ def make_orbit(shooting: Shooting, point: ShootingEvaluation) -> PeriodicOrbit:
         shooting=shooting,
         point=point,
         multipliers=_ordered(multipliers_at(shooting, point)),
-        defects=defects(shooting, point),
-        stable=is_stable(shooting, point),
+        defects=lambda: defects(shooting, point),
+        stable=lambda: is_stable(shooting, point),
     )
 
 

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.on_demand import OnDemand
+from mems_impact._util.on_demand import OnDemand, computed
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
@@ -234,9 +234,7 @@ class ShootingEvaluation(Linearization):
         default_factory=dict, init=False, repr=False, compare=False
     )
 
-    def __getstate__(self) -> dict[str, Any]:
-        read = {name: getattr(self, name) for name in ("arcs", "events", "pieces")}
-        return {**vars(self), **read}
+    __getstate__ = computed
 
     def matrix(self, key: object, compute: Callable[[], Floats]) -> Floats:
         """Return a matrix of this evaluation, such as the monodromy matrix, computed once."""

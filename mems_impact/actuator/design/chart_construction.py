@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -228,7 +228,9 @@ class ChartBuilder:
                 reason = "the frame slips"
                 continue
             branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
-            return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
+            # Only its special points are shown, so that no short steps lead away from its start.
+            steps = replace(self.steps, initial_step=self.steps.max_step)
+            return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=steps)
         location = f"{self._at(omega)} and {self._voltage(amplitude)}"
         raise OrbitError(f"at {location}: {reason}", SLIDES)
 
