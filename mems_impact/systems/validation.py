@@ -1,4 +1,4 @@
-"""Validation of user functions: short run, consistency of rates, discontinuities, start values.
+"""Validation of user functions: short run, constraints, discontinuities, start values.
 
 When a system is made, the interpreted event loop takes a few steps, and the functions are called
 again with checks where steps end. The short run seldom reaches all modes. Runs and orbits therefore
