@@ -6,7 +6,7 @@ the value and the allowed range.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from functools import reduce
 from inspect import Parameter, Signature
@@ -43,6 +43,7 @@ from mems_impact.errors import InvalidParameter
 
 __all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "limits_of", "unknown"]
 
+SHOWN_ITEMS = 8  # of a tuple; a longer one, such as a column of a table, is represented by its ends
 TEXTS = "_texts"  # attribute that holds the values given with units
 ANGLES = ("", "rad")  # units of numbers that are the same in a dimensionless device
 
@@ -77,6 +78,15 @@ if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
 else:
     ModelMetaclass = type(BaseModel)
+
+
+class _Column(tuple[Any, ...]):
+    """Numbers that are represented by the first and the last of them."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"({self[0]!r}, ..., {self[-1]!r})"
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(Field,))
@@ -180,6 +190,11 @@ class Checked(BaseModel, metaclass=_Kind):
 
     def __dir__(self) -> list[str]:
         return _own(super().__dir__())
+
+    def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
+        for name, value in super().__repr_args__():
+            long = isinstance(value, tuple) and len(value) > SHOWN_ITEMS
+            yield name, _Column(value) if long else value
 
     def __str__(self) -> str:
         return repr(self)  # pydantic's version omits the class

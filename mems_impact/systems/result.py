@@ -25,7 +25,7 @@ SAVED_TABLES_FIELD = "_attached"  # tables of a result loaded without its system
 
 
 class SummaryRepr:
-    """Representation as a small table in notebooks, and as one line in Python."""
+    """A small table in notebooks; in Python one line, without the system."""
 
     _si_units: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """Units of its numbers if its field `si` is true: those of a device in SI."""
@@ -40,7 +40,7 @@ class SummaryRepr:
             f"{name}={f'{value:.6g}' if isinstance(value, float) else repr(value)} "
             f"{self._si_unit(name)}".rstrip()
             for name, value in self.summary().items()
-            if name != "si"
+            if name not in ("si", "system")
         )
         return f"{type(self).__name__}({', '.join(lines)})"
 

@@ -186,3 +186,11 @@ def test_a_mode_has_to_fit_the_velocities(state, mode):
     assert mode in system.modes
     with pytest.raises(mi.InvalidParameter, match=f"mode = '{mode}': does not fit"):
         mi.simulate(system, 1, initial=mi.State(mode=mode, **state))
+
+
+def test_a_long_column_is_represented_by_its_ends() -> None:
+    x = np.linspace(-0.5, 0.5, 41)
+    table = mi.TabulatedCapacitance(positions=x, capacitances=2.0 / (1.0 - x))
+    assert "positions=(-0.5, ..., 0.5)" in repr(table)
+    assert len(repr(mi.load_actuator("zhao2004").adding(table))) < 400
+    assert len(table.positions) == 41
