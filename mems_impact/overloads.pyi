@@ -18,7 +18,7 @@ R = TypeVar("R")
 S = TypeVar("S")
 Result = TypeVar("Result", covariant=True)
 Special = TypeVar("Special", covariant=True)
-OfActuator = ActuatorSystem | ActuatorRun | ActuatorOrbit
+OfActuator = ActuatorSystem[Any] | ActuatorRun[Any] | ActuatorOrbit[Any]
 
 class ActuatorVerb(Protocol[P, Result, Special]):
     __name__: str
@@ -42,5 +42,5 @@ class ActuatorVerb(Protocol[P, Result, Special]):
 
 def _with_overloads(verb: Verb[P, R], _special: type[S]) -> ActuatorVerb[P, R, S]: ...
 
-simulate = _with_overloads(simulate_system, ActuatorRun)
-find_orbit = _with_overloads(find_orbit_of_system, ActuatorOrbit)
+simulate = _with_overloads(simulate_system, ActuatorRun[Actuator])
+find_orbit = _with_overloads(find_orbit_of_system, ActuatorOrbit[Actuator])

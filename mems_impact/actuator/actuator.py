@@ -83,7 +83,7 @@ class Actuator(ActuatorParameters):
     ('x1', 'v1', 'x2', 'v2')
     """
 
-    def under(self, drive: Drive) -> ActuatorSystem:
+    def under(self, drive: Drive) -> ActuatorSystem[Self]:
         """Return the system of this actuator under a drive.
 
         The system can replace the two arguments actuator and drive:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from mems_impact.actuator.drives.base import CHANNELS, Drive, Waveform
 from mems_impact.actuator.equations import X2
 from mems_impact.actuator.geometry.geometry import PREFIX
 from mems_impact.actuator.model import HIDDEN, compose, layout
-from mems_impact.actuator.parameters import PARAMETER_NAMES, with_geometry
+from mems_impact.actuator.parameters import PARAMETER_NAMES, ActuatorParameters, with_geometry
 from mems_impact.actuator.terms.base import Term, TermKind, drive_unit, is_compliant
 from mems_impact.actuator.units import COLUMN_UNITS, PARAMETER_UNITS, DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
@@ -28,18 +28,18 @@ from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.units import Units
 
-if TYPE_CHECKING:
-    from mems_impact.actuator.actuator import Actuator
-
 __all__ = ["ActuatorNumerics"]
 
 NORMAL_SAMPLES = 33  # of the normal force between two switches of the drive
 
 
-class ActuatorNumerics(HybridSystem):
+A = TypeVar("A", bound=ActuatorParameters)
+
+
+class ActuatorNumerics(HybridSystem, Generic[A]):
     """A system whose parameters are the numbers of an actuator, of its terms and of a drive."""
 
-    actuator: Actuator
+    actuator: A
     drive: Drive
     _scales: Scales
     _until: Callable[..., Any] | None = None
@@ -248,7 +248,7 @@ class ActuatorNumerics(HybridSystem):
         return tuple(found)
 
     @property
-    def inner_actuator(self) -> Actuator:
+    def inner_actuator(self) -> A:
         """The actuator in the units of the numerics."""
         if self._scales is DIMENSIONLESS:
             return self.actuator

@@ -12,15 +12,15 @@ import numpy as np
 
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER
-from mems_impact.actuator.design.static_forces import StaticForces
+from mems_impact.actuator.design.static_forces import static_contact
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.geometry.base import Finding
 from mems_impact.actuator.geometry.breakdown import breakdown
 from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.plausible_ranges import LENGTH, MASS, STIFFNESS, Range
-from mems_impact.actuator.terms.base import Device, Term, drive_unit
+from mems_impact.actuator.terms.base import Term, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
-from mems_impact.errors import InvalidParameter, UnitsWarning, ValidityWarning
+from mems_impact.errors import UnitsWarning, ValidityWarning
 
 __all__ = [
     "check_plausible_device",
@@ -73,7 +73,7 @@ RESONANCE_RATIO = 30.0  # largest ratio of a plausible frequency to the resonanc
 EQUAL_RESONANCE_RATIO = 1.3  # largest ratio of resonances that count as equal
 
 
-def check_plausible_device(actuator: Device) -> None:
+def check_plausible_device(actuator: ActuatorParameters) -> None:
     """Warn once of parameters that seem to be given in other units."""
     if actuator.units != "SI":
         return
@@ -97,13 +97,12 @@ def check_plausible_device(actuator: Device) -> None:
             _warn_once(f"{message} ({each.source})", ValidityWarning)
 
 
-def _drawn(actuator: Device) -> Sequence[Finding]:
+def _drawn(actuator: ActuatorParameters) -> Sequence[Finding]:
     """Return the quantities computed from the drawing of a device, if there is one."""
-    geometry = actuator.geometry if isinstance(actuator, ActuatorParameters) else None
-    return () if geometry is None else geometry.findings()
+    return () if actuator.geometry is None else actuator.geometry.findings()
 
 
-def check_plausible_drive(actuator: Device, drive: Drive) -> None:
+def check_plausible_drive(actuator: ActuatorParameters, drive: Drive) -> None:
     """Warn once of voltages and times that seem to be given in other units."""
     if actuator.units != "SI":
         return
@@ -116,7 +115,7 @@ def check_plausible_drive(actuator: Device, drive: Drive) -> None:
         _check_voltage(actuator, _peak(drive))
 
 
-def voltage_limits(actuator: Device) -> Sequence[Finding]:
+def voltage_limits(actuator: ActuatorParameters) -> Sequence[Finding]:
     """Return the voltages in SI at which the electrodes fail, such as the breakdown of a gap."""
     limits = [each for each in _drawn(actuator) if each.unit == "V"]
     if not limits and all(term.plates for term in actuator.terms):
@@ -124,7 +123,7 @@ def voltage_limits(actuator: Device) -> Sequence[Finding]:
     return limits
 
 
-def _check_voltage(actuator: Device, peak: float) -> None:
+def _check_voltage(actuator: ActuatorParameters, peak: float) -> None:
     """Warn of a voltage at which the electrodes fail."""
     for each in voltage_limits(actuator):
         if peak > each.value:
@@ -133,7 +132,7 @@ def _check_voltage(actuator: Device, peak: float) -> None:
             _warn_once(f"{message} ({each.source})", ValidityWarning)
 
 
-def _check_times(actuator: Device, drive: Drive, prefix: str) -> None:
+def _check_times(actuator: ActuatorParameters, drive: Drive, prefix: str) -> None:
     """Warn of periods and frequencies, also of nested drives."""
     resonance = math.sqrt(actuator.k / actuator.m2) / (2.0 * math.pi)
     _check(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
@@ -151,11 +150,11 @@ def _check_times(actuator: Device, drive: Drive, prefix: str) -> None:
     if (
         near
         and frequency * QUASI_STATIC_RATIO < resonance
-        and 0.0 < _peak(drive) < _contact_voltage(actuator)
+        and 0.0 < _peak(drive) < static_contact(actuator)
     ):
         _warn_once(
             f"{prefix}frequency = {frequency:.4g} Hz lies far below the resonance, "
-            f"{resonance:.4g} Hz, where the block needs {_contact_voltage(actuator):.4g} V to "
+            f"{resonance:.4g} Hz, where the block needs {static_contact(actuator):.4g} V to "
             f"reach a stopper; {frequency:.4g} kHz?"
         )
     for name in type(drive).model_fields:
@@ -167,21 +166,6 @@ def _peak(drive: Drive) -> float:
     """Return the largest sampled voltage."""
     times = np.linspace(0.0, drive.period, VOLTAGE_SAMPLES, endpoint=False)
     return float(max(np.abs(drive.value(times, channel=side)).max() for side in drive.sides))
-
-
-def _contact_voltage(actuator: Device) -> float:
-    """Return the static voltage at which the block reaches a stopper, at or before pull-in.
-
-    Without terms of electrodes or spring, other terms are neglected, which change it little.
-    """
-    if any(term.replaced_rule in ("electrode", "spring") for term in actuator.terms):
-        assert isinstance(actuator, ActuatorParameters)
-        try:
-            return float(actuator.scales.out(StaticForces(actuator).contact(), "V"))
-        except InvalidParameter:  # the equilibrium of a term is unknown
-            return 0.0
-    x2 = min(actuator.delta, actuator.d / 3.0)
-    return math.sqrt(actuator.k * x2 / actuator.alpha) * (actuator.d - x2)
 
 
 def _check_term(term: Term) -> None:
@@ -207,7 +191,9 @@ def _is_stiffness(term: Any) -> bool:
     return bool(term.exponent == 1.0 or term.depth != type(term).model_fields["depth"].default)
 
 
-def check_plausible_target(actuator: Device, quantity: str, value: float, unit: str) -> None:
+def check_plausible_target(
+    actuator: ActuatorParameters, quantity: str, value: float, unit: str
+) -> None:
     """Warn once of a measured number that seems to be given in another unit."""
     if actuator.units != "SI":
         return

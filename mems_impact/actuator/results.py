@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from mems_impact.actuator.impact_statistics import (
     frame_steps,
     is_impact,
 )
+from mems_impact.actuator.numerics import A
 from mems_impact.actuator.statistics import Accumulator, Statistics
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
@@ -38,7 +39,6 @@ from mems_impact.tables import (
 if TYPE_CHECKING:
     import pandas as pd
 
-    from mems_impact.actuator.actuator import Actuator
     from mems_impact.actuator.drives.base import Drive
 
 __all__ = [
@@ -204,15 +204,15 @@ def _stopper(impacts: Events) -> Any:
 # --- Runs and orbits of an actuator
 
 
-class _OfActuator:
+class _OfActuator(Generic[A]):
     """Mixin of results of an actuator under a drive."""
 
     system: Any
 
     @property
-    def actuator(self) -> Actuator:
+    def actuator(self) -> A:
         """The device."""
-        actuator: Actuator = self.system.actuator
+        actuator: A = self.system.actuator
         return actuator
 
     @property
@@ -268,7 +268,7 @@ class BlowStatistics(SummaryRepr):
     si: bool = False
 
 
-class ActuatorRun(_OfActuator, Run):
+class ActuatorRun(_OfActuator[A], Run):
     """A run of an actuator under a drive."""
 
     _stored: ClassVar[tuple[str, ...]] = (*Run._stored, "blows")
@@ -339,7 +339,7 @@ class ActuatorRun(_OfActuator, Run):
         return gatherer.measured(self.trajectory.final, borders)
 
 
-class ActuatorOrbit(_OfActuator, Orbit):
+class ActuatorOrbit(_OfActuator[A], Orbit):
     """A periodic orbit of an actuator under a drive."""
 
     figure = "mems_impact.actuator.plots.motion:plot_orbit"

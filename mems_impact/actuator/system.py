@@ -28,7 +28,7 @@ from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.energy_accounting import accounts, sum_of
 from mems_impact.actuator.equations import X2
 from mems_impact.actuator.model import compose
-from mems_impact.actuator.numerics import ActuatorNumerics
+from mems_impact.actuator.numerics import A, ActuatorNumerics
 from mems_impact.actuator.parameter_base import limits_of
 from mems_impact.actuator.parameters import PARAMETER_NAMES, ActuatorParameters
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
@@ -74,7 +74,7 @@ IMPACT_LOSS = Observable("energy lost", _energy_lost, at=IMPACTS, reduce="sum", 
 CONTACT_LOSS = Observable("energy lost", _contact_loss, unit="J")  # of compliant stoppers
 
 
-class ActuatorSystem(ActuatorNumerics):
+class ActuatorSystem(ActuatorNumerics[A]):
     """An actuator under a drive, with all their numbers as parameters.
 
     Parameters
@@ -95,9 +95,7 @@ class ActuatorSystem(ActuatorNumerics):
     _run_type = ActuatorRun
     _orbit_type = ActuatorOrbit
 
-    def __init__(
-        self, actuator: ActuatorParameters, drive: Drive, scales: Scales | None = None
-    ) -> None:
+    def __init__(self, actuator: A, drive: Drive, scales: Scales | None = None) -> None:
         if not isinstance(actuator, ActuatorParameters):
             raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
         if not isinstance(drive, Drive):

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -297,7 +297,7 @@ class Run(Result):
             raise
         return compare(self.trajectory, again, self.options.rtol, self.system)
 
-    def derivatives(self, names: Sequence[str]) -> RunDerivatives:
+    def derivatives(self, names: Sequence[str]) -> RunDerivatives[Self]:
         """Return the derivatives of the run by some parameters and initial states.
 
         Parameters

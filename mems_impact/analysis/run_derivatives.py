@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -28,9 +28,9 @@ from mems_impact.systems.window_statistics import TimeWindow
 if TYPE_CHECKING:
     import pandas as pd
 
-    from mems_impact.analysis.run import Keep, Run
-
 __all__ = ["INITIAL", "RunDerivatives", "derivatives_of"]
+
+R = TypeVar("R", bound=Any)  # the class of runs
 
 INITIAL = "x0."  # before the name of a state, for its initial value
 LOOSER = 10.0  # ratio of tolerances whose difference shows the error
@@ -50,11 +50,11 @@ class KeptDerivatives(NamedTuple):
     """
 
     final: Floats
-    neighbours: tuple[tuple[float, Mapping[float, Run]], ...]
+    neighbours: tuple[tuple[float, Mapping[float, Any]], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class RunDerivatives:
+class RunDerivatives(Generic[R]):
     """Derivatives of a run by some of its parameters and initial states.
 
     They are exact through impacts, sliding, rest, the end of chatter and switches of the forcing:
@@ -97,7 +97,7 @@ class RunDerivatives:
     [4.427189, 3.98447]
     """
 
-    run: Run = field(repr=False)
+    run: R = field(repr=False)
     names: tuple[str, ...]
     family: Family = field(repr=False)
     quantities: Quantities = field(repr=False)
@@ -206,7 +206,7 @@ class RunDerivatives:
             }
         )
 
-    def of(self, function: Callable[[Run], float]) -> pd.Series:
+    def of(self, function: Callable[[R], float]) -> pd.Series:
         """Return the gradient of a scalar function of the run.
 
         Parameters
@@ -229,7 +229,7 @@ class RunDerivatives:
             raise InvalidParameter("function", function, allowed)
         return pd.Series(found[0], index=list(self.names), name="derivative")
 
-    def jacobian(self, function: Callable[[Run], Any]) -> Floats:
+    def jacobian(self, function: Callable[[R], Any]) -> Floats:
         """Return the derivatives of a function of the run, shape (m, s).
 
         Parameters
@@ -272,7 +272,7 @@ class RunDerivatives:
             self.run, ("direction",), self.family, quantities, np.ones(1), (moves,), True
         )._for(self.run.keep)
 
-    def _for(self, keep: Keep) -> RunDerivatives:
+    def _for(self, keep: str) -> Self:
         """Return the derivatives that a run with this `keep` has."""
         if keep == "events":
             return self
@@ -381,7 +381,7 @@ class RunDerivatives:
     def _border_states(self) -> tuple[Floats, Floats]:
         return self.run._state_at(0), self.run._state_at(1)
 
-    def _gradient(self, function: Callable[[Run], Any], c: int) -> Floats:
+    def _gradient(self, function: Callable[[R], Any], c: int) -> Floats:
         """Return the derivatives of a function by one quantity, shape (m,).
 
         The run of a neighbouring value is the run plus a multiple of its derivatives, so that the
@@ -414,7 +414,7 @@ class RunDerivatives:
         )
         return STEP / largest
 
-    def _neighbour(self, c: int, distance: float) -> Run:
+    def _neighbour(self, c: int, distance: float) -> R:
         """Return the run to first order at another value of a quantity."""
         run, columns, rows = self.run, self._inner, self._inner.rows
         trajectory, log = run.trajectory, run.trajectory.events
@@ -507,13 +507,13 @@ def _reads(trajectory: Trajectory, direction: Floats) -> bool:
     return False
 
 
-def _with_events(run: Run) -> Run:
+def _with_events(run: R) -> R:
     """Return a run that kept statistics alone, integrated again, with its events."""
     again = integrate(run.trajectory.problem, run.trajectory.start, run.periods)
     return replace(run, keep="events", trajectory=run.trajectory.with_events(again.events))
 
 
-def derivatives_of(run: Run, names: Sequence[str]) -> RunDerivatives:
+def derivatives_of(run: R, names: Sequence[str]) -> RunDerivatives[R]:
     """Return the derivatives of a run; see `Run.derivatives`."""
     names = (names,) if isinstance(names, str) else tuple(names or ())
     family, automaton = run.system.family(run.options), run.trajectory.automaton

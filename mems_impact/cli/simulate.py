@@ -148,7 +148,7 @@ def _show(run: mi.Run) -> None:
 
 def _no_impact(run: mi.Run) -> str:
     """Return that a run has no impact, for a device with the voltage that would strike."""
-    from mems_impact.actuator.design.estimates import contact_amount
+    from mems_impact.actuator.design.static_forces import contact_amount
     from mems_impact.actuator.results import ActuatorRun
 
     if not isinstance(run, ActuatorRun):

@@ -74,13 +74,18 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
 
 def runs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     run = mi.simulate(actuator, drive, periods=300, initial=mi.State(x2=0.0, v2=1.0))
-    assert_type(run, ActuatorRun)
+    assert_type(run, ActuatorRun[mi.Actuator])
+    assert_type(run.actuator, mi.Actuator)
+    assert_type(actuator.under(drive).actuator, mi.Actuator)
     assert_type(
-        mi.simulate(actuator.under(drive), 3, initial=mi.kicked_state(actuator)), ActuatorRun
+        mi.simulate(actuator.under(drive), 3, initial=mi.kicked_state(actuator)),
+        ActuatorRun[mi.Actuator],
     )
-    assert_type(mi.simulate(actuator=actuator, drive=drive, options=mi.Options()), ActuatorRun)
+    assert_type(
+        mi.simulate(actuator=actuator, drive=drive, options=mi.Options()), ActuatorRun[mi.Actuator]
+    )
     assert_type(run.verify(), mi.Verification)
-    assert_type(run.derivatives(["e"]), mi.RunDerivatives)
+    assert_type(run.derivatives(["e"]), mi.RunDerivatives[ActuatorRun[mi.Actuator]])
     mi.value_and_jacobian(run.system, lambda each: each.final.x, ["e"], duration=1.0)
     mi.jax_function(run.system, lambda each: each.final.x, ["e"], duration=1.0)
     assert_type(run.settling, mi.Settling)
@@ -151,7 +156,7 @@ def orbits(system: mi.HybridSystem, actuator: mi.Actuator, drive: mi.Drive) -> N
         moving = assert_type(mi.animate(run), mi.Animation)
     moving.save("run.gif")
     orbit = assert_type(mi.find_orbit(system), mi.Orbit)
-    assert_type(mi.find_orbit(actuator, drive), ActuatorOrbit)
+    assert_type(mi.find_orbit(actuator, drive), ActuatorOrbit[mi.Actuator])
     branch = assert_type(
         mi.continue_solution(orbit, "A", 1.0, steps=mi.StepControl()), mi.Branch[mi.Orbit]
     )

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import math
 
-from mems_impact._util.units import si_amount
-from mems_impact.actuator.design.static_forces import StaticForces
+from mems_impact.actuator.design.static_forces import StaticForces, holding_voltage
+from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.parameters import ActuatorParameters
+from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.base import drive_unit
+from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import InvalidParameter
 
 __all__ = [
-    "contact_amount",
     "contact_voltage",
     "pull_in_charge",
     "pull_in_voltage",
     "resting_voltage",
-    "static_contact",
 ]
 
 HOLDING_FRICTION = 1e6  # coefficient of friction that holds the frame
@@ -77,9 +77,7 @@ def pull_in_voltage(actuator: ActuatorParameters, *, dynamic: bool = False) -> f
         return _dynamic_pull_in(actuator)
     if actuator.terms:
         return float(actuator.scales.out(StaticForces(actuator).pull_in(), "V"))
-    if actuator.delta <= actuator.d / 3.0:
-        return resting_voltage(actuator)
-    return math.sqrt(4.0 * actuator.k * actuator.d / (27.0 * actuator.alpha)) * actuator.d
+    return holding_voltage(actuator, min(actuator.delta, actuator.d / 3.0))
 
 
 def pull_in_charge(actuator: ActuatorParameters) -> float:
@@ -141,36 +139,12 @@ def contact_voltage(actuator: ActuatorParameters) -> float:
     return pull_in_voltage(actuator)
 
 
-def static_contact(actuator: ActuatorParameters) -> float:
-    """Return the static voltage, or charge, at which the block reaches the right stopper.
-
-    Where the equilibrium of a term is unknown, terms are neglected.
-    """
-    unit = drive_unit(actuator.terms)
-    try:
-        contact = float(actuator.scales.out(StaticForces(actuator).contact(), unit))
-    except InvalidParameter:
-        contact = 0.0
-    x2 = min(actuator.delta, actuator.d / 3.0)
-    return contact or math.sqrt(actuator.k * x2 / actuator.alpha) * (actuator.d - x2)
-
-
-def contact_amount(actuator: ActuatorParameters) -> str:
-    """Return `static_contact` with its unit."""
-    unit = drive_unit(actuator.terms) if actuator.scales.named else ""
-    return si_amount(static_contact(actuator), unit)
-
-
 def _dynamic_pull_in(actuator: ActuatorParameters) -> float:
     """Return the dynamic pull-in voltage."""
     if actuator.c == 0.0 and not actuator.terms:
         position = min(actuator.delta, 0.5 * actuator.d)
         energy = actuator.k * actuator.d * position * (actuator.d - position) / 2.0
         return math.sqrt(energy / actuator.alpha)
-    from mems_impact.actuator.drives.sine import Sine
-    from mems_impact.actuator.system import ActuatorSystem
-    from mems_impact.analysis.simulate import simulate
-
     # The frame is held by friction that no force overcomes.
     gravity = actuator.g or actuator.scales.out(1.0, "m/s^2")
     held_frame = actuator.replace_unchecked(mu_s=HOLDING_FRICTION, mu_d=HOLDING_FRICTION, g=gravity)
@@ -225,4 +199,4 @@ def resting_voltage(actuator: ActuatorParameters) -> float:
     _check_voltage(actuator)
     if actuator.terms:
         return float(actuator.scales.out(StaticForces(actuator).resting(), "V"))
-    return math.sqrt(actuator.k * actuator.delta / actuator.alpha) * (actuator.d - actuator.delta)
+    return holding_voltage(actuator, actuator.delta)

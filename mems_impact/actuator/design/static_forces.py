@@ -10,17 +10,20 @@ from itertools import pairwise
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.units import DIMENSIONLESS
+from mems_impact._util.units import DIMENSIONLESS, si_amount
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law
 from mems_impact.actuator.equations import STATES, V1, V2, X2
 from mems_impact.actuator.model import compose
 from mems_impact.actuator.parameters import ActuatorParameters
-from mems_impact.actuator.terms.base import Term
+from mems_impact.actuator.terms.base import Term, drive_unit
 from mems_impact.actuator.terms.charge_drive import ChargeDrive
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["StaticForces", "clamp_force", "normal_force", "parameters_of"]
+__all__ = [
+    "StaticForces", "clamp_force", "contact_amount", "holding_voltage", "normal_force",
+    "parameters_of", "static_contact",
+]  # fmt: skip
 
 FORCE_CURVE_POINTS = 513  # samples of the curve of force over position
 CONSTANT_RTOL = 1e-6  # of a force that counts as constant, as from a rounded table
@@ -239,3 +242,27 @@ def parameters_of(actuator: ActuatorParameters, terms: Sequence[Term]) -> Floats
     """Return the parameter array of the equations of a dimensionless actuator with `terms`."""
     scales = actuator.scales
     return np.concatenate([actuator.to_array(), *(term.numbers(scales) for term in terms)])
+
+
+def holding_voltage(actuator: ActuatorParameters, x2: float) -> float:
+    """Return the voltage that holds a block without terms at `x2`, by its balance of forces."""
+    return math.sqrt(actuator.k * x2 / actuator.alpha) * (actuator.d - x2)
+
+
+def static_contact(actuator: ActuatorParameters) -> float:
+    """Return the static voltage, or charge, at which the block reaches the right stopper.
+
+    Where the equilibrium of a term is unknown, terms are neglected.
+    """
+    unit = drive_unit(actuator.terms)
+    try:
+        contact = float(actuator.scales.out(StaticForces(actuator).contact(), unit))
+    except InvalidParameter:
+        contact = 0.0
+    return contact or holding_voltage(actuator, min(actuator.delta, actuator.d / 3.0))
+
+
+def contact_amount(actuator: ActuatorParameters) -> str:
+    """Return `static_contact` with its unit."""
+    unit = drive_unit(actuator.terms) if actuator.scales.named else ""
+    return si_amount(static_contact(actuator), unit)

@@ -11,23 +11,18 @@ from mems_impact._util.arrays import Floats
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law
 from mems_impact.actuator.automaton import RIGHT_IMPACT
-from mems_impact.actuator.design.estimates import contact_amount
-from mems_impact.actuator.design.static_forces import StaticForces
+from mems_impact.actuator.design.static_forces import StaticForces, contact_amount
 from mems_impact.actuator.equations import V1, V2, X2
 from mems_impact.actuator.impact_statistics import frame_steps
 from mems_impact.actuator.model import Model, compose
 from mems_impact.actuator.parameters import ActuatorParameters, numbers_for
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.simulation import Events
+from mems_impact.tables import table
 
 if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
-
-    from mems_impact.actuator.results import ActuatorRun
-
-
-from mems_impact.tables import table
 
 __all__ = ["step_length", "step_lengths"]
 
@@ -112,8 +107,8 @@ def _step_with_terms(actuator: ActuatorParameters, speed: ArrayLike, voltage: Ar
     return float(result) if result.ndim == 0 else result
 
 
-def step_lengths(run: ActuatorRun) -> pd.DataFrame:
-    """Return the table of `Run.step_lengths`."""
+def step_lengths(run: Any) -> pd.DataFrame:
+    """Return the table of `ActuatorRun.step_lengths`."""
     log, period = run.trajectory.events, run.trajectory.period
     rows, steps = frame_steps(log)
     struck = np.zeros(len(log), dtype=bool)
@@ -147,7 +142,7 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
     return table({}, run.system, user_columns=columns)
 
 
-def _stepless(run: ActuatorRun, right: int, at_rest: int) -> str:
+def _stepless(run: Any, right: int, at_rest: int) -> str:
     """Return why the formula applies to no impact of a run."""
     if right == 0:
         return (
@@ -163,7 +158,7 @@ def _stepless(run: ActuatorRun, right: int, at_rest: int) -> str:
     )
 
 
-def _steps_after(run: ActuatorRun, hits: Events) -> Floats:
+def _steps_after(run: Any, hits: Events) -> Floats:
     """Return the formula evaluated at the states after impacts, including those of terms."""
     system = run.system
     if any(term.replaced_rule == "stopper" for term in system.actuator.terms):

@@ -11,8 +11,7 @@ from mems_impact._util.units import si_amount
 from mems_impact._util.warning_scopes import collected_warnings
 from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER
-from mems_impact.actuator.design.estimates import contact_amount, static_contact
-from mems_impact.actuator.design.static_forces import normal_force
+from mems_impact.actuator.design.static_forces import contact_amount, normal_force, static_contact
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.plausibility import voltage_limits
 from mems_impact.actuator.statistics import Statistics
