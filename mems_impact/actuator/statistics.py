@@ -34,9 +34,10 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems import observables
-from mems_impact.systems.base import Conversion, HybridSystem
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import MULTIPLIER, Observable, Quantity
 from mems_impact.systems.statistics import SystemStatistics, closest_gap
+from mems_impact.systems.units import Conversion
 from mems_impact.systems.window_statistics import (
     Moments,
     MotionTotals,

@@ -316,6 +316,9 @@ class ActuatorChecks(Checks):
 
     _system: ActuatorSystem
 
+    def start_side(self, problem: Problem, start: HybridState) -> None:
+        """Warn of nothing: the mode fits the state."""
+
     def continuation(self, name: str) -> None:
         """Raise InvalidParameter unless orbits can be continued in the parameter `name`."""
         super().continuation(name)

@@ -32,7 +32,6 @@ from mems_impact.systems.statistics import (
     RESTING,
     UNSETTLED,
 )
-from mems_impact.systems.validation import check_start_side
 
 __all__ = [
     "SAME_ATTRACTOR_RTOL",
@@ -239,7 +238,7 @@ def map_attractors(
             follow()
         if numbers is not None:
             with at_study_point(numbers[len(results) + len(batch)]):
-                check_start_side(case.system, problem, start)
+                case.system.checks.start_side(problem, start)
         batch.append((case, problem, start))
     follow()
     return results

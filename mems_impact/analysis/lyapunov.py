@@ -28,7 +28,6 @@ from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
 from mems_impact.systems.statistics import CHAOTIC, PERIODIC, QUASI_PERIODIC
 from mems_impact.systems.typical_scales import warn_if_below_differences
-from mems_impact.systems.validation import check_start_side
 
 __all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
 
@@ -334,7 +333,7 @@ def _start(
     length = TRANSIENT * unit if transient is None else float(transient)
     if length == 0.0:
         start = system.state_space.instant(initial, problem)
-        check_start_side(system, problem, start)
+        system.checks.start_side(problem, start)
         return start
     run_length: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
     settled = simulate(system, initial=initial, options=options, **run_length)

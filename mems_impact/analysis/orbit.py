@@ -43,7 +43,6 @@ from mems_impact.systems.statistics import (
     largest_values,
 )
 from mems_impact.systems.typical_scales import warn_if_below_differences
-from mems_impact.systems.validation import check_start_side
 from mems_impact.systems.window_statistics import Moments
 from mems_impact.tables import CHATTER_ENDS, DRIVE_SWITCHES
 
@@ -574,7 +573,7 @@ def find_orbit(
     family = system.family(options)
     problem = family.problem()
     start = system.state_space.instant(guess, problem, field="guess")
-    check_start_side(system, problem, start)
+    system.checks.start_side(problem, start)
     try:
         if system.forced:
             solution = orbit_search.find_periodic_orbit(

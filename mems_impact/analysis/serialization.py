@@ -96,7 +96,7 @@ def register_run(kind: type[run.Run]) -> None:
     def constructor(trajectory: Mapping[str, Any], gatherer: Any, **values: Any) -> run.Run:
         problem = values["system"].problem(values["options"])
         if isinstance(gatherer, statistics.RunStatistics):
-            gatherer.resume(values["system"], problem)
+            gatherer.resume(values["system"].statistics, problem)
         restored = Trajectory(problem=problem, **trajectory)
         return kind(trajectory=restored, _gatherer=gatherer, **values)
 

@@ -26,7 +26,6 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.observables import EventRecorder
 from mems_impact.systems.state import State, is_number
 from mems_impact.systems.statistics import LazyStatistics
-from mems_impact.systems.validation import check_start_side
 from mems_impact.systems.window_statistics import TimeWindow
 
 __all__ = ["simulate"]
@@ -177,7 +176,7 @@ def simulate(
         system = system.ending(until)
         problem = system.problem(options)
     begin = system.state_space.instant(initial, problem, start=start)
-    check_start_side(system, problem, begin)
+    system.checks.start_side(problem, begin)
     unit = 1.0 if system.forced else float(system.units.out("time", problem.period))
     bounded = periods is not None or duration is not None
     periods = _length(system, periods, duration, until, problem.period)

@@ -39,7 +39,7 @@ from mems_impact.studies.engine.study import (
     row_label,
 )
 from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
-from mems_impact.systems.result import ParameterResult
+from mems_impact.systems.parameter_result import ParameterResult
 from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.statistics import FAILED

@@ -35,7 +35,7 @@ from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import OK, STATUS, Columns, Study
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
-from mems_impact.systems.result import ParameterResult
+from mems_impact.systems.parameter_result import ParameterResult
 from mems_impact.systems.serialization.identity import (
     identity,
     identity_of_options,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from operator import itemgetter
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -19,27 +19,23 @@ from mems_impact._util.units import Scales
 from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.definition import Definition, Typical
+from mems_impact.hybrid.definition import Typical
 from mems_impact.hybrid.pickling import portable
-from mems_impact.hybrid.problem import Problem, ProblemParameters, Section, check_times
+from mems_impact.hybrid.problem import Problem, ProblemParameters
 from mems_impact.integrators.dual_numbers import Dual
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.family import Family
-from mems_impact.systems.observables import (
-    Observable,
-)
-from mems_impact.systems.result import Result, deep_equal
+from mems_impact.systems.checks import Checks
+from mems_impact.systems.description import SystemDescription
+from mems_impact.systems.result import deep_equal
 from mems_impact.systems.state import State
+from mems_impact.systems.state_space import StateSpace
+from mems_impact.systems.statistics import SystemStatistics
 from mems_impact.systems.typical_scales import warn_if_badly_scaled_orbit
-from mems_impact.systems.units import Units
+from mems_impact.systems.units import Conversion
 from mems_impact.tables import unit_of
 
-if TYPE_CHECKING:
-    from mems_impact.systems.checks import Checks
-    from mems_impact.systems.state_space import StateSpace
-    from mems_impact.systems.statistics import SystemStatistics
-
-__all__ = ["Conversion", "HybridSystem", "SystemFamily", "conversion", "system_at"]
+__all__ = ["HybridSystem", "SystemFamily", "conversion", "system_at"]
 
 
 @cache
@@ -108,7 +104,7 @@ class SystemFamily(Family):
         error.convert(self.system.units, forced=self.system.forced)
 
 
-class HybridSystem(Result, ABC):
+class HybridSystem(SystemDescription):
     """A hybrid system: smooth modes, guards and transitions.
 
     Three classes implement it: `System` by functions, `ActuatorSystem` by an actuator and a drive,
@@ -127,30 +123,10 @@ class HybridSystem(Result, ABC):
     True
     """
 
-    name: str
-    observables: tuple[Observable, ...]
-    definition: Definition | None = None
-    """The user's functions, with states, parameters and modes; None for other classes."""
-
     _run_type: ClassVar[Any] = None
     """The class of its runs; a subclass may add tables."""
     _orbit_type: ClassVar[Any] = None
     """The class of its orbits; a subclass may add tables."""
-
-    @property
-    @abstractmethod
-    def automaton(self) -> Automaton:
-        """Modes, flow, guards and transitions."""
-
-    @property
-    @abstractmethod
-    def parameters(self) -> dict[str, float]:
-        """Names and values of all parameters, in the system's units."""
-
-    @cached_property
-    @abstractmethod
-    def units(self) -> Units:
-        """Units by name, without dimensionless quantities, and the scales of the variables."""
 
     @property
     @abstractmethod
@@ -169,34 +145,8 @@ class HybridSystem(Result, ABC):
 
     @property
     @abstractmethod
-    def initial(self) -> State:
-        """Initial state of runs by default."""
-
-    @property
-    @abstractmethod
-    def forcing_period(self) -> float | None:
-        """The forcing period; None for an autonomous system."""
-
-    @property
-    @abstractmethod
-    def section(self) -> Section | None:
-        """The Poincaré section: component, level, direction."""
-
-    @property
-    @abstractmethod
     def functions(self) -> dict[str, str]:
         """Where its functions are defined, as ``module:name``, for display."""
-
-    @abstractmethod
-    def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
-        """Return the part of the problem that depends on the parameters, in scaled units.
-
-        Parameters
-        ----------
-        changes : mapping of str to float, optional
-            Other values of some parameters, in the system's units, allowed or not, as finite
-            differences and trial steps need them.
-        """
 
     def _number_rates(self, name: str, changes: Mapping[str, float]) -> ProblemParameters | None:
         """Return the derivatives of `numbers` by a scaled parameter; None if they are unknown."""
@@ -234,26 +184,6 @@ class HybridSystem(Result, ABC):
     def without_until(self) -> Any:
         """The system without the `until` function that ended its run (see `simulate`)."""
         return vars(self).get("_unended", self)
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the components of the state."""
-        return self.automaton.states
-
-    @property
-    def modes(self) -> tuple[str, ...]:
-        """Names of the modes."""
-        return self.automaton.modes
-
-    @property
-    def forced(self) -> bool:
-        """Whether the system has a forcing period."""
-        return self.forcing_period is not None
-
-    def check_parameter(self, name: str, field: str = "parameter") -> None:
-        """Raise InvalidParameter unless `name` is a parameter."""
-        if name not in self.parameters:
-            raise InvalidParameter(field, name, f"one of {', '.join(self.parameters)}")
 
     @cached_property
     def _scaled_parameters(self) -> dict[str, float]:
@@ -306,14 +236,6 @@ class HybridSystem(Result, ABC):
             mode_failure=checks.mode_failure,
             **self._checked_numbers._asdict(),
         )
-
-    @cached_property
-    def _checked_numbers(self) -> ProblemParameters:
-        """The part of the problem that depends on the parameters, shared by all problems."""
-        numbers = self.numbers()
-        size, unit = self.units.factor("time"), self.units.get("time", "")
-        check_times(numbers, size, unit, forced=self.forced)
-        return numbers
 
     def to_fmu(
         self,
@@ -486,10 +408,6 @@ def _changes(system: HybridSystem, inner: Mapping[str, float]) -> dict[str, floa
     own = system._scaled_parameters
     changed = {name: value for name, value in inner.items() if value != own[name]}
     return {name: system.units.out(name, value) for name, value in changed.items()}
-
-
-Conversion = Callable[[str, Any], Any]
-"""Conversion of a number or a column of that heading to the units of tables."""
 
 
 def conversion(systems: Sequence[HybridSystem]) -> Conversion:

@@ -17,10 +17,10 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems import periodicity, validation
-from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.components.base import Part
 from mems_impact.systems.components.friction import Friction, NegativeFriction
 from mems_impact.systems.components.sliding import SlidingMotions
+from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.observables import EventObserver
 from mems_impact.systems.typical_scales import SizeMonitor
 
@@ -37,7 +37,7 @@ class Checks:
     mode_failure: Callable[[int, HybridState], tuple[str, str]] | None = None
     """Function that returns why no mode fits a state, and the remedy."""
 
-    def __init__(self, system: HybridSystem) -> None:
+    def __init__(self, system: SystemDescription) -> None:
         self._system = system
 
     @property
@@ -55,6 +55,12 @@ class Checks:
     def other_mode(self, start: HybridState, problem: Problem) -> int:
         """Return the mode of another motion from the start on a switching surface, or -1."""
         return -1
+
+    def start_side(self, problem: Problem, start: HybridState) -> None:
+        """Warn if a run starts beyond a guard that changes the state, or where motions part."""
+        if start.initial:
+            other = self.other_mode(start, problem)
+            validation.check_start_side(self._system, problem, start, other)
 
     def observers(self, problem: Problem, start: HybridState) -> list[EventObserver]:
         """Return the observers of a run that warn about it, and check functions along it."""

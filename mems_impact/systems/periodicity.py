@@ -27,7 +27,7 @@ from mems_impact.hybrid.diagnostics.user_functions import (
 )
 from mems_impact.hybrid.simulation import Trajectory
 from mems_impact.hybrid.time_dependence import Argument, reads_time
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.state import is_number
 from mems_impact.systems.validation import loaded, reachable_functions
 
@@ -127,7 +127,9 @@ def check_autonomy(definition: Definition, switches: Sequence[float]) -> None:
 # --- Systems with a period
 
 
-def check_forcing(system: HybridSystem, definition: Definition, trajectory: Trajectory) -> None:
+def check_forcing(
+    system: SystemDescription, definition: Definition, trajectory: Trajectory
+) -> None:
     """Raise FunctionError unless the functions of the forcing are periodic along a run."""
     checked = _checked(system, definition)
     functions = list(time_functions(checked, motion=True))
@@ -154,7 +156,7 @@ def check_forcing(system: HybridSystem, definition: Definition, trajectory: Traj
     _compare(system, checked, functions, points, period, instants, (first, last))
 
 
-def check_recurrence(system: HybridSystem, definition: Definition, period: float) -> None:
+def check_recurrence(system: SystemDescription, definition: Definition, period: float) -> None:
     """Raise FunctionError unless the functions of a system have a period, at any time."""
     checked = _checked(system, definition)
     functions = [
@@ -171,12 +173,12 @@ def check_recurrence(system: HybridSystem, definition: Definition, period: float
     _compare(system, checked, functions, points, period, instants, (0.0, 2.0**MAX_DOUBLINGS))
 
 
-def _checked(system: HybridSystem, definition: Definition) -> CheckedFunctions:
+def _checked(system: SystemDescription, definition: Definition) -> CheckedFunctions:
     return CheckedFunctions(definition, [system.parameters[name] for name in definition.parameters])
 
 
 def _compare(
-    system: HybridSystem,
+    system: SystemDescription,
     checked: CheckedFunctions,
     functions: Iterable[TimeFunction],
     points: Sequence[EvaluationPoint],
@@ -188,7 +190,7 @@ def _compare(
 
     Parameters
     ----------
-    system : HybridSystem
+    system : SystemDescription
     checked : CheckedFunctions
     functions : iterable of TimeFunction
     points : sequence of EvaluationPoint
@@ -259,7 +261,7 @@ def _numbers(function: Callable[..., Any]) -> Iterator[float]:
 
 
 def _compare_at(
-    system: HybridSystem,
+    system: SystemDescription,
     each: TimeFunction,
     at: EvaluationPoint,
     phase: float,

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from numbers import Number
 from os import PathLike
 from types import FunctionType, MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from mems_impact._util.formatting import html_table
 from mems_impact.hybrid.pickling import same_function
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from mems_impact.systems.base import HybridSystem
-
-__all__ = ["ParameterResult", "Result", "SummaryRepr", "deep_equal"]
+__all__ = ["Result", "SummaryRepr", "deep_equal"]
 
 SAVED_TABLES_FIELD = "_attached"  # tables of a result loaded without its system's functions
 
@@ -114,35 +109,6 @@ class Result(SummaryRepr):
         """Attach the saved tables, which cannot be computed without functions."""
         vars(self).update(tables)
         vars(self)[SAVED_TABLES_FIELD] = tuple(tables)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ParameterResult(Result):
-    """Base class of results over the values of one parameter.
-
-    Attributes
-    ----------
-    system : System
-        At its own value of the parameter.
-    parameter : str
-    table : DataFrame
-        The values of the parameter are one of the columns.
-    """
-
-    system: HybridSystem
-    parameter: str
-    table: pd.DataFrame
-
-    def summary(self) -> dict[str, Any]:
-        """Return the system, and the range and number of the values of the parameter."""
-        values = self.table[self.parameter]
-        extent = f"{values.min():g} to {values.max():g}, {values.nunique()} values"
-        return {"system": repr(self.system), self.system.units.label(self.parameter): extent}
-
-    def __repr__(self) -> str:
-        (_, (_, extent), *others) = self.summary().items()
-        parts = (f"{self.parameter} = {extent}", *(f"{name} {value}" for name, value in others))
-        return f"{type(self).__name__}({'; '.join(parts)})"
 
 
 def deep_equal(one: Any, other: Any) -> bool:

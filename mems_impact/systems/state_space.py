@@ -19,8 +19,8 @@ from mems_impact.hybrid.event_loop.workspace import whole_periods
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import MAX_CYCLE, Samples
 from mems_impact.hybrid.state import HybridState
-from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.components.contact_forces import ContactForces
+from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.state import State, is_number, state_from
 
 __all__ = ["FunctionStateSpace", "StateSpace"]
@@ -42,7 +42,7 @@ class StateSpace:
     mode_by_switch: ClassVar[bool] = False
     """Whether the transition at a switch determines the mode of a state."""
 
-    def __init__(self, system: HybridSystem) -> None:
+    def __init__(self, system: SystemDescription) -> None:
         self._system, self._units = system, system.units
 
     @property
@@ -147,6 +147,13 @@ class StateSpace:
             begin, cycle=cycle, time=time, initial=state._initial, waiting=state._waiting
         )
 
+    def given(self, problem: Problem) -> HybridState:
+        """Return the initial state as given: a run moves it to where constraints hold."""
+        system = self._system
+        values = {**dict.fromkeys(system.states, 0.0), **system.initial.as_dict()}
+        y = [float(self._units.into(name, values[name])) for name in system.states]
+        return replace(self.instant(None, problem), y=np.array(y))
+
     def _split(self, start: float, phase: float, period: float) -> tuple[int, float]:
         """Return the period in which a run begins, and the time since its start.
 
@@ -242,7 +249,7 @@ class FunctionStateSpace(StateSpace):
 
     def __init__(
         self,
-        system: HybridSystem,
+        system: SystemDescription,
         begin: Callable[..., int] | None,
         forces: ContactForces | None,
         state: Callable[[Floats], Any],
@@ -279,9 +286,8 @@ class FunctionStateSpace(StateSpace):
             if location[0]:  # in a function of the user
                 remedy = "make it return a value for every initial state"
             raise FunctionError("the flow with its parts", raised, remedy, *location) from error
-        failure = self._system.checks.mode_failure
-        if failure is not None and fitting < 0:
-            reason, _ = failure(fitting, HybridState(0, time, mode, y))
+        if problem.mode_failure is not None and fitting < 0:
+            reason, _ = problem.mode_failure(fitting, HybridState(0, time, mode, y))
             raise InvalidParameter("initial", str(state), f"another state, since {reason}")
         return fitting
 

@@ -22,8 +22,9 @@ from mems_impact.hybrid.simulation import INSTANT_RTOL, Events, Samples, Traject
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.period_detection import flow_at
 from mems_impact.systems import observables as quantity
-from mems_impact.systems.base import Conversion, HybridSystem
+from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.observables import Observable, Quantity
+from mems_impact.systems.units import Conversion
 from mems_impact.systems.window_statistics import (
     Moments,
     MotionTotals,
@@ -200,19 +201,20 @@ class RunStatistics(StatisticsAccumulator):
     """Statistics of any system: events by guard, fractions of time in modes, and observables."""
 
     def __init__(
-        self, system: HybridSystem, problem: Problem, start: HybridState, window: TimeWindow
+        self, source: SystemStatistics, problem: Problem, start: HybridState, window: TimeWindow
     ) -> None:
+        system = source._system
         super().__init__(window, start, len(system.modes), len(system.automaton.guards))
-        self.resume(system, problem)
+        self.resume(source, problem)
         self._moments = {each.name: Moments() for each in system.observables if each.at}
 
-    def resume(self, system: HybridSystem, problem: Problem) -> None:
-        """Continue with a system and its problem."""
-        self._system, self._problem = system, problem
+    def resume(self, source: SystemStatistics, problem: Problem) -> None:
+        """Continue with the statistics of a system and its problem."""
+        self._source, self._problem = source, problem
 
     def gathered(self) -> dict[str, Any]:
         """Return the accumulated data, from which `of` continues."""
-        linked = ("_system", "_problem")
+        linked = ("_source", "_problem")
         return {name: value for name, value in vars(self).items() if name not in linked}
 
     @classmethod
@@ -225,16 +227,16 @@ class RunStatistics(StatisticsAccumulator):
     def __call__(self, events: Events) -> None:
         """Take the next chunk of events."""
         inside = events[self._take(events)]
-        for name, values in self._system.statistics.at_events(inside, self._problem).items():
+        for name, values in self._source.at_events(inside, self._problem).items():
             self._moments[name].add(values[~np.isnan(values)])
 
     def result(self, final: HybridState, borders: Sequence[Floats]) -> dict[str, float]:
         """Return the statistics of a run that ended at `final`."""
-        system = self._system
+        system = self._source._system
         gains: dict[str, float] = {}
         for each in system.observables:
             if not each.at:
-                begin, end = (system.statistics.value(each, y, self._problem) for y in borders)
+                begin, end = (self._source.value(each, y, self._problem) for y in borders)
                 gains[each.name] = end - begin
         # Rates of an autonomous system are per unit of time.
         period = 1.0 if system.forced else float(system.units.out("time", self._window.period))
@@ -251,7 +253,7 @@ class RunStatistics(StatisticsAccumulator):
         }
 
 
-def event_rates(system: HybridSystem, totals: MotionTotals) -> dict[str, Any]:
+def event_rates(system: SystemDescription, totals: MotionTotals) -> dict[str, Any]:
     """Return the number of impacts, and of events of each guard, per period or unit of time."""
     each = "period" if system.forced else "time"
     guards = system.automaton.guards
@@ -262,7 +264,7 @@ def event_rates(system: HybridSystem, totals: MotionTotals) -> dict[str, Any]:
     return values
 
 
-def mode_shares(system: HybridSystem, totals: MotionTotals) -> dict[str, Any]:
+def mode_shares(system: SystemDescription, totals: MotionTotals) -> dict[str, Any]:
     """Return the fraction of time in each mode, if there are several."""
     if len(system.modes) == 1:
         return {}
@@ -298,7 +300,7 @@ class SystemStatistics:
 
     def __init__(
         self,
-        system: HybridSystem,
+        system: SystemDescription,
         state: Callable[[Floats], Any],
         parameters: Callable[[Problem], Any],
     ) -> None:
@@ -352,7 +354,7 @@ class SystemStatistics:
         self, problem: Problem, start: HybridState, window: TimeWindow
     ) -> StatisticsAccumulator:
         """Return the accumulator of the statistics of a run."""
-        return RunStatistics(self._system, problem, start, window)
+        return RunStatistics(self, problem, start, window)
 
     def standstill_test(self) -> Callable[[Trajectory], float | None]:
         """Return a test for standstill: the number of periods after which a run rests, or None."""

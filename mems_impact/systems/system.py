@@ -250,6 +250,7 @@ class System(HybridSystem):
             self,
             self.definition,
             problem,
+            self.state_space.given(problem),
             self.checks.modes,
             time=sizes.get("time"),
             initial_given=given,
@@ -351,7 +352,8 @@ class System(HybridSystem):
         vars(other)["_unended"] = self
         arguments.function("until", until, *arguments.ARGUMENTS)
         other.definition = ending(self.definition, until)
-        check_end(self, other.definition, self.problem(CHECK_OPTIONS))
+        problem = self.problem(CHECK_OPTIONS)
+        check_end(other.definition, problem, self.state_space.given(problem))
         return other
 
     @property

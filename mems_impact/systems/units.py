@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from mems_impact._util.quantities import quantities
@@ -10,7 +10,10 @@ from mems_impact._util.units import Scales
 from mems_impact.hybrid.definition import Typical
 from mems_impact.tables import name_of, unit_of
 
-__all__ = ["Units"]
+__all__ = ["Conversion", "Units"]
+
+Conversion = Callable[[str, Any], Any]
+"""Conversion of a number or a column of that heading to the units of tables."""
 
 
 class Units(Mapping[str, str]):

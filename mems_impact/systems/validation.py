@@ -59,7 +59,7 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.dual_numbers import along, with_rate
 from mems_impact.integrators.options import Options
 from mems_impact.integrators.python_functions import MARGINS
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.observables import EventObserver, Observable
 
 __all__ = [
@@ -172,13 +172,13 @@ JUMP_ROUNDING_RATIO = 0.1  # of the difference that rounding of state and time m
 
 
 def warn_of_discontinuity(
-    system: HybridSystem, definition: Definition, at: HybridState, length: float
+    system: SystemDescription, definition: Definition, at: HybridState, length: float
 ) -> bool:
     """Warn if the flow is discontinuous where steps of a run have become very short.
 
     Parameters
     ----------
-    system : HybridSystem
+    system : SystemDescription
     definition : Definition
         Its functions, in the user's units.
     at : HybridState
@@ -453,7 +453,7 @@ class ModeMonitor(EventObserver):
 
     Parameters
     ----------
-    system : HybridSystem
+    system : SystemDescription
     definition : Definition
         Its functions, in the user's units.
     problem : Problem
@@ -463,7 +463,7 @@ class ModeMonitor(EventObserver):
     """
 
     def __init__(
-        self, system: HybridSystem, definition: Definition, problem: Problem, met: set[int]
+        self, system: SystemDescription, definition: Definition, problem: Problem, met: set[int]
     ) -> None:
         self.system, self.problem = system, problem
         self.definition, self.met = definition, met
@@ -544,7 +544,7 @@ class ShortRun:
 
     Parameters
     ----------
-    system : HybridSystem
+    system : SystemDescription
     checked : CheckedFunctions
     problem : Problem
     start : HybridState
@@ -554,7 +554,7 @@ class ShortRun:
 
     def __init__(
         self,
-        system: HybridSystem,
+        system: SystemDescription,
         checked: CheckedFunctions,
         problem: Problem,
         start: HybridState,
@@ -680,9 +680,10 @@ def active_guards(definition: Definition, mode: int) -> list[int]:
 
 
 def check_run(
-    system: HybridSystem,
+    system: SystemDescription,
     definition: Definition,
     problem: Problem,
+    start: HybridState,
     met: set[int],
     *,
     time: float | None,
@@ -692,12 +693,14 @@ def check_run(
 
     Parameters
     ----------
-    system : HybridSystem
+    system : SystemDescription
         Its names, times and observables.
     definition : Definition
         Its functions.
     problem : Problem
         Its numbers.
+    start : HybridState
+        Its initial state, as given.
     met : set of int
         The modes that have been checked; mutable.
     time : float or None
@@ -714,7 +717,7 @@ def check_run(
         impact.
     """
     check_effects(definition)
-    checked, start = _checked(definition, problem), _start(system, problem)
+    checked = _checked(definition, problem)
     unit = time or problem.time_scale or problem.period
     clock = TimeGrid(system.forcing_period, unit, problem.switches)
     visits: dict[int, int] = {}
@@ -755,25 +758,16 @@ def check_run(
     met.update(visits)
 
 
-def check_end(system: HybridSystem, definition: Definition, problem: Problem) -> None:
+def check_end(definition: Definition, problem: Problem, start: HybridState) -> None:
     """Check the margin of the last guard of a definition, which ends a run, at the start."""
     with contextlib.suppress(DomainError):
         checked = _checked(definition, problem)
-        start = _start(system, problem)
         at = _point(start.mode, start.time, start.y)
         checked.margin(len(definition.guards) - 1, at)
 
 
 def _checked(definition: Definition, problem: Problem) -> CheckedFunctions:
     return CheckedFunctions(definition, problem.parameters[: len(definition.parameters)].tolist())
-
-
-def _start(system: HybridSystem, problem: Problem) -> HybridState:
-    start = system.state_space.instant(None, problem)
-    # As given: a run moves it to where the constraints of its mode hold.
-    values = {**dict.fromkeys(system.states, 0.0), **system.initial.as_dict()}
-    y = [float(system.units.into(name, values[name])) for name in system.states]
-    return replace(start, y=np.array(y))
 
 
 def _measured(observable: Observable, *arguments: Any) -> None:
@@ -841,17 +835,16 @@ def check_parted(
 MARGIN_TOLERANCES = 1e3  # number of tolerances below zero of a negative margin
 
 
-def check_start_side(system: HybridSystem, problem: Problem, start: HybridState) -> None:
+def check_start_side(
+    system: SystemDescription, problem: Problem, start: HybridState, other: int
+) -> None:
     """Warn if a run starts beyond a guard whose transition changes the state, or where it may part.
 
     The run itself rejects a start beyond an impact. A start beyond a guard that changes only the
     mode is allowed: a relay switches at once. A margin that is zero within the tolerances causes no
     warning.
     """
-    if system.state_space.mode_by_switch or not start.initial:
-        return  # the mode fits the state
     automaton, options = problem.automaton, problem.options
-    other = system.checks.other_mode(start, problem)
     if other >= 0:
         mode, other_name = automaton.modes[start.mode], automaton.modes[other]
         message = (

@@ -20,7 +20,7 @@ from mems_impact.errors import Interrupted, InvalidParameter, RunError
 from mems_impact.integrators.options import Options
 from mems_impact.studies.sampling import axis
 from mems_impact.studies.sweep import sweep
-from mems_impact.systems.result import ParameterResult
+from mems_impact.systems.parameter_result import ParameterResult
 from mems_impact.systems.state import State
 from mems_impact.tables import error_column, sweep_summary, table, unit_of
 
