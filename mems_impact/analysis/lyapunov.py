@@ -276,9 +276,9 @@ def lyapunov(
 
     Notes
     -----
-    Exponents that are zero for every motion carry no information. The exponents of the phase of the
-    forcing and of cyclic components, such as the position of an actuator, are not listed, unlike
-    the exponent along the flow of an autonomous system (see `LyapunovSpectrum.trivial`).
+    The zero exponents of the phase of the forcing and of cyclic components, such as the position of
+    an actuator, are not listed, unlike the exponent along the flow of an autonomous system (see
+    `LyapunovSpectrum.trivial`).
 
     Examples
     --------

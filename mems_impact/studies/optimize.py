@@ -234,10 +234,9 @@ def optimize(
     """Optimize a quantity of a periodic orbit over some parameters.
 
     A local search with the gradients of `sensitivity`: sequential quadratic programming with a
-    trust region. The orbit is continued from iterate to iterate and keeps its sequence of impacts;
-    the search stays within the grazings, folds and period doublings that end the orbit. The orbit
-    stays stable: by default the largest modulus of its multipliers is at most 0.95. Start from
-    other orbits to find other local optima.
+    trust region. The orbit is continued from iterate to iterate, through changes in the order of
+    its events, within the grazings, folds and period doublings that end the orbit. By default the
+    largest modulus of its multipliers is at most 0.95. Other orbits lead to other local optima.
 
     Parameters
     ----------

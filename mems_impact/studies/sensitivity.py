@@ -653,10 +653,9 @@ def sensitivity(
         All quantities of the system by default, except costly quantities. For any system: "x per
         period" (or "per cycle") for each cyclic state x, its observables (over the orbit), "period"
         of a limit cycle, "impact speed" (the largest), "closest approach", "largest multiplier"
-        (its modulus). For an actuator: "displacement per period", "mean speed", "displacement per
-        impact", "impact speed", "closest approach", "energy lost per period" (in impacts, without
-        friction; `energy` has the whole balance), "largest multiplier", and "energy given per
-        period", which is costly.
+        (its modulus). For an actuator also "displacement per period", "mean speed", "displacement
+        per impact", "energy lost per period" (in impacts, without friction; `energy` has the whole
+        balance), and "energy given per period", which is costly.
 
     Returns
     -------

@@ -567,11 +567,10 @@ def operating_chart(
     a crisis of the chaotic attractor, which is located by simulation.
 
     If the spring moves the frame before the block strikes, or keeps the frame slipping after a weak
-    impact, there are no types. The chart then contains, at `crises` frequencies (for 0, at 9
-    frequencies without the off-boundary), the voltage of the first slip; the voltage of the first
-    impact, on the orbit with slip; the voltage below which impacts cease, by simulation; and the
-    window of the period-1 orbit with impacts, bounded by period doublings, folds or grazings.
-    Curves of these points join frequencies that they connect.
+    impact, there are no types. The chart then contains, at `columns` frequencies, the voltage of
+    the first slip; the voltage of the first impact, on the orbit with slip; the voltage below which
+    impacts cease, by simulation; and the window of the period-1 orbit with impacts, bounded by
+    period doublings, folds or grazings.
 
     Parameters
     ----------

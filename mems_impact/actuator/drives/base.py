@@ -36,8 +36,8 @@ class Drive(Checked, ABC):
     """Base of voltage waveforms v(t).
 
     A new waveform is a subclass that declares its parameters as pydantic fields (with the number
-    types of `mems_impact.actuator.parameter_base`) and defines the attributes and methods below. A
-    line in `mems_impact.actuator.drives.WAVEFORMS` registers it for files and the command line.
+    types of `mems_impact.actuator.parameter_base`) and defines the attributes and methods below.
+    `mems_impact.actuator.drives` lists its kind for files and the command line.
 
     The waveform itself is a pair of module-level functions of plain Python that the equations call,
     interpreted or compiled by numba unchanged. The functions take floats and one float64 array, use

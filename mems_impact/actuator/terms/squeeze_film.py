@@ -77,14 +77,8 @@ class SqueezeFilm(Term):
     Reynolds' equation, isothermal and linear in the pressure but not in the gap, mode by mode (J.
     J. Blech, *J. Lubrication Technology* 105 (1983) 615; T. Veijola et al., *J. Microelectromech.
     Syst.* 4 (1995) 109). Each mode is a compartment of a share of the face, whose gas would fill
-    the gap h + u at the ambient pressure, h being the gap: u is the state of the compartment, and
-
-        du/dt = -dh/dt - u/tau,        tau = 12 mu_eff s/(pressure h^2)
-
-    with 1/s = pi^2 (k^2/length^2 + l^2/width^2), k and l odd, and presses with pressure u/h.
-    Compartments for the remaining modes keep the stiffness at high frequencies, pressure area/h,
-    and the damping at low frequencies exact. mu_eff = viscosity/(1 + 9.638 Kn^1.159), Kn the mean
-    free path by h. See docs/terms/squeeze_film.md.
+    the gap h + u at the ambient pressure, h being the gap: u is the state of the compartment. The
+    equations are in docs/terms/squeeze_film.md.
 
     Examples
     --------
