@@ -488,15 +488,19 @@ def _same_sequence(one: Events, other: Events) -> bool:
 def _reads(trajectory: Trajectory, direction: Floats) -> bool:
     """Return whether a function computes with parameters that have tangents in a direction."""
     automaton, p = trajectory.automaton, list(trajectory.problem.parameters)
-    moved = [Dual(v, np.array([d])) if d != 0.0 else v for v, d in zip(p, direction, strict=True)]
+    numbers = [Dual(v, np.array([d])) for v, d in zip(p, direction, strict=True)]
+    moved = [number if number.slope.any() else number.value for number in numbers]
     m, n = len(automaton.guards), len(automaton.states)
     states = [trajectory.start.y, *trajectory.events.before[:MOST_READ]]
     try:
         for mode in range(len(automaton.modes)):
             for y in (state.tolist() for state in states):
-                found = [[1.0] * n, [1.0] * m, [1.0] * m]
+                found, margins = [[1.0] * n], [1.0] * m
                 copy_for_tangents(automaton.flow)(mode, 0.0, y, moved, found[0])
-                copy_for_tangents(automaton.margins)(mode, 0.0, y, moved, *found[1:])
+                # A derived rate is of numbers that all have tangents.
+                state = [Dual(value, np.zeros(1)) for value in y]
+                copy_for_tangents(automaton.margins)(mode, 0.0, state, numbers, margins, [1.0] * m)
+                found.append([g for g in margins if isinstance(g, Dual) and g.slope.any()])
                 for code in range(2 * m):
                     found.append([*y])
                     copy_for_tangents(automaton.transition)(mode, code, 0.0, found[-1], moved)

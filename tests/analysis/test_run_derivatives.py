@@ -562,6 +562,59 @@ def test_a_stop_by_friction_between_the_last_impact_and_the_end_of_chatter():
     assert found.tolist() == pytest.approx([exact, 0.0, exact, 0.0], abs=1e-10)
 
 
+def thrown(count, g, e, c, d, x):
+    """Instants at which a ball falls to a floor that throws it from a depth d below it."""
+    t, speed, times = 0.0, (2.0 * g * x) ** 0.5, []
+    up = 0.0
+    for _ in range(count):
+        t = t + (up + speed) / g
+        times.append(t)
+        up = c + e * speed
+        speed = (up**2 - 2.0 * g * d) ** 0.5
+    return np.array(times)
+
+
+@pytest.mark.parametrize("depth", [0.0, 3e-7])
+def test_a_reset_that_leaves_the_margin_slightly_below_zero(depth):
+    values = {"g": 1.0, "e": 0.5, "c": 0.4, "d": depth}
+    floor = mi.Guard(
+        "floor", lambda mode, t, y, p: y.x, lambda mode, t, y, p: (mode, (-p.d, p.c - p.e * y.v))
+    )
+    system = mi.System(
+        states=("x", "v"), flow=falling, parameters=values, initial={"x": 0.5}, guards=[floor]
+    )
+    run = mi.simulate(system, duration=8.0, options=INTERPRETED)
+    found, count, values = run.derivatives([*values, "x0.x"]), len(run.events), {**values, "x": 0.5}
+    assert np.abs(run.events["t"] - thrown(count, **values)).max() < 1e-13
+    for name, value in values.items():
+        exact = thrown(count, **{**values, name: value + 1e-30j}).imag / 1e-30
+        rate = found.events[f"dt/d{'x0.x' if name == 'x' else name}"]
+        assert rate.to_numpy() == pytest.approx(exact, rel=1e-11, abs=1e-11)
+    orbit = mi.find_orbit(mi.simulate(system, duration=60.0, options=FINE))
+    speed = (0.2 + math.sqrt(0.04 + 0.75 * (0.16 - 2.0 * depth))) / 0.75  # (c + e u)^2 - 2 g d
+    up = 0.4 + 0.5 * speed
+    assert orbit.period == pytest.approx(up + speed, rel=1e-11)
+    assert orbit.multipliers[0].real == pytest.approx(0.5 * up / speed, rel=1e-10)
+
+
+def test_a_margin_that_begins_below_zero_and_stays_there():
+    """A ball that is thrown wherever it is below a ceiling and falls."""
+    ceiling = mi.Guard(
+        "throw", lambda mode, t, y, p: y.x - p.ceiling,
+        lambda mode, t, y, p: (mode, (y.x, p.c)), condition=True,
+    )  # fmt: skip
+    system = mi.System(
+        states=("x", "v"), flow=falling, parameters={"g": 1.0, "c": 1.0, "ceiling": 1.0},
+        initial={"x": 0.25, "v": 1.0}, guards=[ceiling],
+    )  # fmt: skip
+    run = mi.simulate(system, duration=7.0, options=INTERPRETED)
+    events = run.derivatives(["g", "c", "ceiling", "x0.x"]).events
+    times = 2.0 * np.repeat(range(4), (1, 2, 2, 2))
+    for name, exact in (("t", times), ("dt/dg", -times), ("dt/dc", times),
+                        ("dt/dceiling", 0.0), ("dt/dx0.x", 0.0)):  # fmt: skip
+        assert events[name].to_numpy() == pytest.approx(exact, abs=1e-8), name
+
+
 @pytest.mark.parametrize("name", ["threshold", "count", "spare"])
 def test_what_has_no_derivative_is_refused(name):
     def flow(mode, t, y, p):

@@ -298,7 +298,7 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
         interface.set_bias(
             engine, i, -margins[i] * (1.0 + 1e-9) + tiny_bias if is_lifted or has_fallen else 0.0
         )
-        if is_violated and not stays_below:
+        if margins[i] < 0.0 and margins[i] < -rounding_error(s, i) and not stays_below:
             s.starts_negative = 1
     sharpen(engine, s, y)
     interface.restart(engine, s.mode, s.t, y, s.stop)

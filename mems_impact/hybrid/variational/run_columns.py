@@ -55,6 +55,7 @@ from mems_impact.integrators import interface
 SAMPLE = -1  # kind of a piece that ends without an event
 NOTHING = 0, 0.0, SAMPLE, 0, 0
 DONE = -1  # result of `propagate_columns`
+LOCATION = 1e-12  # largest error of the location of an event, in time scales
 
 
 class ColumnPath(NamedTuple):
@@ -172,7 +173,7 @@ def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
             approach(engine, i, slope, path)
         if kind in (TRANSITION, SWITCH):
             is_later = i == 0 or end > start or path.pieces[i - 1, 1] != TRANSITION
-            if not cross(engine, i, is_later, path):
+            if not cross(engine, i, first_of_arc, is_later, path):
                 return i
         for j in range(n):
             for c in range(s):
@@ -215,7 +216,7 @@ def set_clock(engine: Any, path: Any, i: int) -> None:
             interface.set_parameter(engine, count * (1 + s) + s * path.clock + c, rate)
 
 
-def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
+def cross(engine: Any, i: int, first_of_arc: int, is_later: bool, path: Any) -> bool:
     """Propagate the columns through the transition at the end of piece `i`.
 
     An event of the same instant as the event before is its consequence, and happens with it, if its
@@ -241,12 +242,18 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
         error = margin_error(row, y, n, path.tolerances[0], path.tolerances[1])
         path.margins[i, 0], path.margins[i, 1], path.margins[i, 2] = rate, change, error
         nearest = min(abs(path.first_margins[guard]), abs(row[0]))
-        own = is_later or nearest <= simultaneous_below(error, rate, path.tolerances[2])
+        below = simultaneous_below(error, rate, path.tolerances[2])
+        own = is_later or nearest <= below
         if own and not is_later and path.records[guard] == 0:
             return False
         path.first_margins[guard] = math.inf  # what another event makes happen again follows it
         if own:
             differentiate_instant(i, guard, before, path)
+            if path.times[first_of_arc, 0] < t:
+                below = error + LOCATION * abs(rate) * path.tolerances[2]
+            if is_later and row[0] < -below:
+                return_to_start(engine, i, first_of_arc, rate, path)
+                differentiate_event(engine, mode, code, t, y, w)
         else:
             for c in range(s):
                 path.instants[i, c] = path.instants[i - 1, c]
@@ -260,6 +267,25 @@ def cross(engine: Any, i: int, is_later: bool, path: Any) -> bool:
         y[j] = path.ends[i, j]
     apply_jump(engine, i, path.pieces[i, 3], t, before, path)
     return True
+
+
+def return_to_start(engine: Any, i: int, first: int, rate: float, path: Any) -> None:
+    """Correct the derivatives of the instant at which a margin falls to its value at the start.
+
+    A guard whose margin is below zero where the arc begins, at piece `first`, and remains below,
+    fires there or at once (`event_loop.loop.begin_arc`).
+    """
+    w, s, mode, guard = path.variational, path.columns, path.pieces[i, 0], path.pieces[i, 2]
+    t, y, slope, margin = path.times[first, 0], path.y_start, w.work[9], w.margin[guard, 0]
+    interface.flow(engine, mode, t, y, slope)
+    differentiate_event(engine, mode, guard, t, y, w)
+    row = w.margin[guard]
+    if rate != 0.0 and abs(margin - row[0]) < abs(margin):
+        for c in range(s):
+            delay = path.instants[first - 1, c] if first > 0 else 0.0
+            delay -= path.times[first, 2] * path.period_rates[c]
+            change = column_of(row, y, w.n, s, c) + delay * rate_along(row, slope, w.n)
+            path.instants[i, c] += change / rate
 
 
 def keep_columns(i: int, path: Any) -> None:
