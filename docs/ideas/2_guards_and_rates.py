@@ -51,4 +51,4 @@ assert mi.simulate(beyond, duration=18.0, options=fine).events.empty
 
 # %%
 # The rate is an exact derivative (:doc:`/methods/derivatives`).
-# :doc:`/comparison` lists published cases in which other solvers lost such events.
+# :doc:`/comparison` counts published cases in which other solvers lost such events.
