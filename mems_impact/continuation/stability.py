@@ -16,7 +16,12 @@ from scipy.linalg import eig
 from scipy.optimize import brentq, linear_sum_assignment
 
 from mems_impact._util.arrays import Complexes, Floats
-from mems_impact.continuation.arclength import SHORTER_STEP_REMEDY, PredictorStep, tangent
+from mems_impact.continuation.arclength import (
+    POSITION_XTOL,
+    SHORTER_STEP_REMEDY,
+    PredictorStep,
+    tangent,
+)
 from mems_impact.continuation.branch_points import BranchPoints
 from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, UNEXPLAINED
 from mems_impact.errors import OrbitError
@@ -27,7 +32,6 @@ from mems_impact.orbits.spectrum import EIGENVALUE_RTOL, MULTIPLIER_RTOL
 # --- Crossings of the border of stability
 
 MIN_CROSSING_SPACING = 1e-9  # distance, relative to the step, below which crossings count as one
-CROSSING_XTOL = 1e-14  # tolerance of the position of a crossing
 TANGENCY_STEP_RATIO = 1e-2  # shortest part of a step that is searched for pairs of crossings
 CURVATURE_SAFETY = 2.0  # safety factor of the curvature estimated by parabolas
 BORDER_RTOL = 1e-6  # largest relative growth of a value on the border
@@ -292,7 +296,7 @@ class Crossings:
         def growth(s: float) -> float:
             return float(self._border.growth(np.array(value(s))))
 
-        position = float(brentq(growth, begin, end, xtol=CROSSING_XTOL, rtol=CROSSING_XTOL))
+        position = float(brentq(growth, begin, end, xtol=POSITION_XTOL))
         border_value = value(position)
         if abs(growth(position)) > BORDER_RTOL * float(self._border.size(np.array(border_value))):
             return None  # the value was confused with another one

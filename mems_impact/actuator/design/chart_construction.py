@@ -553,7 +553,7 @@ def operating_chart(
     crises: int = 7,
     columns: int | None = None,
     periods: int = 2000,
-    steps: StepControl = StepControl(),  # noqa: B008 - immutable
+    steps: StepControl = StepControl(initial_step=0.01),  # noqa: B008 - immutable
     options: Options = ORBIT_OPTIONS,
     workers: int | None = None,
     progress: bool | Callable[[str], None] = False,
