@@ -257,6 +257,8 @@ def _half_cycle(orbit: PeriodicOrbit) -> tuple[float, float, Floats] | None:
     free, keep = shooting.free, reduced_components(shooting, point)
     matrix = (arc.by_state[free] @ shooting.monodromy(point, half))[np.ix_(keep, keep)]
     apart = float(np.abs(arc.end - states[0])[free].max())
+    flow = point.arcs[0].slope_start[free]
     if keep:
-        matrix = without_flow_direction(matrix, point.arcs[0].slope_start[free][keep])
-    return apart, float(np.abs(states).max()), matrix
+        matrix = without_flow_direction(matrix, flow[keep])
+    # Its states would be those of the equilibrium around which a small cycle turns.
+    return apart, float(point.period * np.abs(flow).max()), matrix

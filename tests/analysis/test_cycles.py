@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
 import mems_impact as mi
+from mems_impact.continuation.special_points import is_double_cover
 from tests.analysis.oscillators import (
     belt,
     belt_period,
@@ -146,6 +147,20 @@ def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
     last = branch.orbits[-1]
     assert not last.stable
     assert last.system.parameters["mu"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_small_cycle_far_from_the_origin_is_no_double_cover():
+    """A radius of 1e-3 around (10, 10): the states half a period apart are almost equal."""
+
+    def flow(mode, t, y, p):
+        x, v = y.x - 10.0, y.v - 10.0
+        rate = p.mu - x * x - v * v
+        return rate * x - v, rate * v + x
+
+    system = mi.System(states=("x", "v"), flow=flow, parameters={"mu": 1e-6}, time_scale=1.0)
+    orbit = find(system, guess={"x": 10.001, "v": 10.0}, transient=0.0)
+    assert math.hypot(orbit.state.x - 10.0, orbit.state.v - 10.0) == pytest.approx(1e-3, rel=1e-4)
+    assert not is_double_cover(orbit.numeric)
 
 
 @pytest.mark.nightly

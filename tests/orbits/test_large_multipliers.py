@@ -208,6 +208,7 @@ def test_cycles_of_an_axon_connect_its_hopf_points(begin):
     steps = mi.StepControl(max_step=2.0, max_points=600)
     hopf = mi.continue_solution(rest, "I", stop=200.0, steps=steps).special_points
     branch = mi.switch_branch(hopf[begin], bounds=(0.0, 200.0), steps=steps)
+    assert {each.label for each in branch.special_points} == {"CF", "PD"}
     forms = [each.normal_form for each in branch.special_points if each.label == "CF"]
     assert sum(form.error < 1e-3 * abs(form.coefficient) for form in forms) >= 2
     last = branch.orbits[-1]
