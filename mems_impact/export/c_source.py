@@ -51,12 +51,8 @@ NESTING = 100  # most functions within each other
 class CSource:
     """Functions translated to C, with the tables and structures that they use.
 
-    Parameters
-    ----------
-    handlers : mapping of callable to Handler, optional
-        Functions that are not translated, with functions that return the C expression of a call.
-    generated : mapping of code to str, optional
-        The source texts of functions that no file contains, by their code objects.
+    `handlers` return the C expression of a call of a function that is not translated; `generated`
+    has the source texts of functions that no file contains, by their code objects.
     """
 
     def __init__(

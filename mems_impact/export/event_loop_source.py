@@ -392,13 +392,8 @@ def event_loop_source(
 ) -> tuple[CSource, dict[str, str]]:
     """Return the source of the loop with an automaton, and its C functions by role.
 
-    Parameters
-    ----------
-    automaton : Automaton
-    parameters : int
-        Length of the parameter array.
-    generated : mapping
-        Source texts of generated functions, by their code objects.
+    `parameters` is the length of the parameter array; `generated` has the source texts of generated
+    functions, by their code objects.
     """
     source = CSource(HANDLERS, generated)
     n, m = len(automaton.states), len(automaton.guards)

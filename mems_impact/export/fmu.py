@@ -50,20 +50,7 @@ FLAGS = ("-O2", "-std=c11", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibili
 
 @dataclass(frozen=True, kw_only=True)
 class ModelVariable:
-    """A variable of the model description.
-
-    Attributes
-    ----------
-    name, causality, variability, initial, unit, description : str
-    reference : int
-    start : float or None
-    integer : bool
-    state : int or None
-        Reference of the state, for a derivative.
-    indicator : bool
-        Whether it is an event indicator.
-    limits : Limits
-    """
+    """A variable of the model description."""
 
     name: str
     reference: int
@@ -74,8 +61,8 @@ class ModelVariable:
     unit: str = ""
     description: str = ""
     integer: bool = False
-    state: int | None = None
-    indicator: bool = False
+    state: int | None = None  # reference of the state, for a derivative
+    indicator: bool = False  # whether it is an event indicator
     limits: Limits = UNLIMITED
 
     @property
@@ -488,21 +475,10 @@ def compile_in(folder: str, compiler: Sequence[str], main: str) -> tuple[bytes, 
 
 
 def write_fmu(path: str | os.PathLike[str], model: ExportedModel, fmi: str = "3.0") -> Path:
-    """Write a model as an FMU.
+    """Write a model as an FMU of version `fmi` of the standard, "2.0" or "3.0".
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-    model : ExportedModel
-    fmi : {"3.0", "2.0"}
-        Version of the standard.
-
-    Raises
-    ------
-    InvalidParameter
-        If the version or an input is unknown.
-    FunctionError
-        If a function cannot be translated to C.
+    Raises InvalidParameter if the version or an input is unknown, FunctionError if a function
+    cannot be translated to C.
     """
     if fmi not in VERSIONS:
         raise InvalidParameter("fmi", fmi, f"one of {', '.join(VERSIONS)}")

@@ -16,87 +16,41 @@ __all__ = ["ExportedModel", "ExportedNumber"]
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedNumber:
-    """A parameter or input of an exported model.
-
-    Attributes
-    ----------
-    name, unit : str
-    value : float
-        In the system's units.
-    factor : float
-        The unit of the numerics, in the system's units.
-    index : int or None
-        Index in the parameter array; None if the array depends on it in another way, so that the
-        exported model has its value as a constant.
-    rate_index : int or None
-        Index in the parameter array of the time derivative of an input.
-    limits : Limits
-        In the system's units.
-    """
+    """A parameter or input of an exported model, in the system's units."""
 
     name: str
     value: float
     unit: str = ""
-    factor: float = 1.0
+    factor: float = 1.0  # the unit of the numerics, in the system's units
+    # Index in the parameter array; None if the array depends on it in another way, so that the
+    # exported model has its value as a constant.
     index: int | None = None
-    rate_index: int | None = None
+    rate_index: int | None = None  # index of the time derivative of an input
     limits: Limits = UNLIMITED
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedModel:
-    """A system for export.
-
-    Attributes
-    ----------
-    name : str
-    automaton : Automaton
-        Its functions have source text, in files or in `generated`.
-    problem : Problem
-        In the units of the numerics.
-    initial : HybridState
-        In the units of the numerics.
-    numbers : tuple of ExportedNumber
-    state_units, state_factors : tuple
-        Units of the states, and the units of the numerics in them.
-    time_unit : str
-    time_factor : float
-    start_time : float
-        Time of the initial state in the forcing period, in the system's units.
-    inputs : tuple of str
-        The numbers that are inputs.
-    generated : mapping of code to str
-        Source texts of generated functions.
-    mode_of : callable or None
-        ``mode_of(mode, t, y, p)`` returns the mode of a state, in the system's units, by name.
-    mode_by_switch : bool
-        Whether the transition at a switch determines the mode of a state.
-    period, time_scale : callable or None
-        Functions of the parameters by name, in the system's units.
-    switches : callable or None
-        Likewise.
-    rate_step_index : int or None
-        Index in the parameter array of the difference step of rates.
-    bounds : tuple of Bound
-        Bounds of numbers by others, as functions of the parameter array.
-    """
+    """A system for export, in the system's units unless a comment says otherwise."""
 
     name: str
-    automaton: Automaton
-    problem: Problem
-    initial: HybridState
+    automaton: Automaton  # its functions have source text, in files or in `generated`
+    problem: Problem  # in the units of the numerics
+    initial: HybridState  # in the units of the numerics
     numbers: tuple[ExportedNumber, ...]
     state_units: tuple[str, ...]
-    state_factors: tuple[float, ...]
+    state_factors: tuple[float, ...]  # the units of the numerics in `state_units`
     time_unit: str = ""
     time_factor: float = 1.0
-    start_time: float = 0.0
-    inputs: tuple[str, ...] = ()
-    generated: Mapping[Any, str] = field(default_factory=dict)
+    start_time: float = 0.0  # time of the initial state in the forcing period
+    inputs: tuple[str, ...] = ()  # the numbers that are inputs
+    generated: Mapping[Any, str] = field(default_factory=dict)  # source texts, by code objects
+    # ``mode_of(mode, t, y, p)`` returns the mode of a state; ``p`` by name
     mode_of: Callable[..., Any] | None = None
-    mode_by_switch: bool = False
+    mode_by_switch: bool = False  # whether the transition at a switch determines the mode
+    # a function of the parameters by name, as the next two
     period: Callable[..., Any] | None = None
     time_scale: Callable[..., Any] | None = None
     switches: Callable[..., Any] | None = None
-    rate_step_index: int | None = None
-    bounds: tuple[Bound, ...] = ()
+    rate_step_index: int | None = None  # of the difference step of rates
+    bounds: tuple[Bound, ...] = ()  # of numbers by others, as functions of the parameter array

@@ -29,12 +29,8 @@ def available_options(options: Options) -> Options:
     """Return the options with a method and an engine that this machine has.
 
     Without SUNDIALS' C functions ``"dop853"`` replaces Adams, and BDF within ``"auto"``; BDF alone
-    is interpreted. An `EngineFallbackWarning` tells what replaces a method that was asked for.
-
-    Raises
-    ------
-    EngineUnavailable
-        If engine="compiled" and the method cannot be compiled.
+    is interpreted. An `EngineFallbackWarning` names the replacement of a requested method; raises
+    `EngineUnavailable` where engine="compiled" and the method cannot be compiled.
     """
     if options.engine == "interpreted":
         return options

@@ -42,14 +42,7 @@ __all__ = [
 
 
 class Dual:
-    """A number with tangents.
-
-    Parameters
-    ----------
-    value : number
-    slope : float array or Dual
-        The tangents, of any number of directions; of a dual value a dual number.
-    """
+    """A number with tangents, `slope`: shape (w,), or of a dual value a dual number."""
 
     __slots__ = ("slope", "value")
     __array_ufunc__ = None  # products with arrays are left to this class
@@ -108,17 +101,11 @@ def plain(number: Any) -> Any:
 def derivatives(
     function: Callable[[list[Any]], list[Any]], x: Floats, frame: Floats, *along: Floats
 ) -> Floats:
-    """Return the derivatives of a function by all vectors of a frame, shape (results, w).
+    """Return the derivatives of a function of a list of numbers by all vectors of a frame.
 
-    Parameters
-    ----------
-    function : callable
-        Takes and returns a list of numbers.
-    x : float array, shape (n,)
-    frame : float array, shape (n, w)
-        Columns are vectors.
-    along : float array, shape (n,)
-        Further vectors: the derivative of order k + 1 along k of them and each of the frame.
+    With `x` of shape (n,) and a frame of shape (n, w), vectors as columns, the shape is
+    (results, w). Further vectors `along`, each of shape (n,), give the derivative of order k + 1
+    along k of them and each of the frame.
     """
     seeds: list[Any] = x.tolist()
     zero: Any = np.zeros(frame.shape[1])
@@ -409,18 +396,10 @@ copy_for_tangents = Substitution(
 
 
 class DualVector:
-    """Numbers with tangents in memory.
+    """Numbers with `width` tangents in memory; without any, the numbers are real.
 
-    Parameters
-    ----------
-    memory : sequence of float
-        For each number, from an index on, the value and its tangents.
-    start, length : int
-    width : int
-        Number of tangents; without any, the numbers are real.
-    tangents : tuple (sequence of float, int, int), optional
-        Where tangents are, if not after each value: a sequence, an index and the distance from
-        those of one number to those of the next.
+    Each number is followed by its tangents, unless `tangents` names another place: a sequence, an
+    index, and the distance from the tangents of one number to those of the next.
     """
 
     def __init__(

@@ -168,48 +168,29 @@ COLUMN_WEIGHT = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """The functions of an automaton with their dimensions and parameters.
+    """The functions of an automaton with their dimensions and parameters."""
 
-    Parameters
-    ----------
-    flow, margins, transition : callable
-        See `mems_impact.hybrid.automaton.Automaton`.
-    n, m, modes : int
-        Number of states, of guards and of modes.
-    parameters : array_like of float
-    approaches : sequence of bool, length m
-        Guards whose closest approaches are events.
-    section : tuple (component, level, direction), optional
-        Crossings of ``y[component] = level``, the last root function.
-    bounds : bool, optional
-        Whether compiled functions check array bounds.
-    jacobian : callable, optional
-        ``jacobian(mode, t, y, p, memory, entries)`` writes the derivative of component i of the
-        flow by component j of the state into ``entries[i, j]``, for Newton's method. Without it
-        CVODE computes differences.
-    jacobian_memory : int, optional
-        Length of its scratch.
-    columns : int, optional
-        Number of components at the end of the state that `flow` only takes: for each component of
-        the state without them, its perturbations, one a column.
-    known : bool, optional
-        Whether the motion of the columns is known, with the times of its events: columns are not
-        interpolated, and an arc may have few steps.
-    """
-
-    flow: Callable[..., Any]
+    flow: Callable[..., Any]  # this and the next two as in `mems_impact.hybrid.automaton.Automaton`
     margins: Callable[..., Any]
     transition: Callable[..., Any]
-    n: int
-    m: int
+    n: int  # number of states
+    m: int  # number of guards
     parameters: Any
-    approaches: Sequence[bool]
+    approaches: Sequence[bool]  # guards whose closest approaches are events
+    # ``jacobian(mode, t, y, p, memory, entries)`` writes the derivative of component i of the flow
+    # by component j into ``entries[i, j]``, for Newton's method; without it CVODE computes
+    # differences.
     jacobian: Callable[..., Any] | None = None
-    jacobian_memory: int = 0
+    jacobian_memory: int = 0  # length of its scratch
+    # component, level and direction of crossings, the last root function
     section: tuple[int, float, int] | None = None
-    bounds: bool = True
+    bounds: bool = True  # whether compiled functions check array bounds
     modes: int = 1
+    # Number of components at the end of the state that `flow` only takes: for each component of the
+    # state without them, its perturbations, one a column.
     columns: int = 0
+    # Whether the motion of the columns is known, with the times of its events: columns are not
+    # interpolated, and an arc may have few steps.
     known: bool = False
 
     @property

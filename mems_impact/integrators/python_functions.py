@@ -35,20 +35,9 @@ NO_MODE = -(2**31)  # result of a transition that failed
 
 
 class Fault(NamedTuple):
-    """A call that failed.
+    """A call that failed, with the exception of an interpreted call."""
 
-    Attributes
-    ----------
-    role : int
-        FLOW, MARGINS or TRANSITION.
-    mode, code : int
-    time : float
-    y : float array, shape (n,)
-    error : Exception or None
-        The exception of an interpreted call.
-    """
-
-    role: int
+    role: int  # FLOW, MARGINS or TRANSITION
     mode: int
     code: int
     time: float
@@ -95,10 +84,6 @@ class Functions(SingleMethodEngine):
 
     Functions receive Python floats: NumPy scalars are slow, and do not support all operations (for
     example, the difference of booleans).
-
-    Parameters
-    ----------
-    equations : Equations
     """
 
     def __init__(self, equations: Equations) -> None:

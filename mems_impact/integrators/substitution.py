@@ -21,16 +21,9 @@ SUBSTITUTED = (math, np)  # modules of the elementary functions
 class Substitution:
     """Copies functions, and all functions that they call, with other elementary functions.
 
-    A copy reads the globals of its original, so that a change of any of them has its effect.
-
-    Parameters
-    ----------
-    functions : dict
-        Functions of the copies, by those of Python.
-    of_library : dict
-        The same for the functions of `mems_impact.integrators.library`.
-    kept : str
-        Name of a module whose functions are not copied.
+    `functions` and `of_library` give the function of the copies for each of Python's and of
+    `mems_impact.integrators.library`; functions of the module `kept` are not copied. A copy reads
+    the globals of its original, so that a change of any of them has its effect.
     """
 
     def __init__(

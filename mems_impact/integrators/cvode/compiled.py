@@ -105,18 +105,10 @@ SYMBOL_PREFIX = "mems_impact_"
 
 @cache
 def load() -> SimpleNamespace:
-    """Open SUNDIALS, check it, and give every function its signature.
+    """Open SUNDIALS, check it, and return the functions of `SIGNATURES`, known to LLVM.
 
-    Returns
-    -------
-    SimpleNamespace
-        With the functions of `SIGNATURES`; their addresses are known to LLVM.
-
-    Raises
-    ------
-    EngineUnavailable
-        If scikit-sundae's build does not match these declarations: another major version of
-        SUNDIALS, real or index type, or a missing symbol. If numba is disabled.
+    Raises `EngineUnavailable` if numba is disabled, or scikit-sundae's build does not match these
+    declarations: another major version of SUNDIALS, real or index type, or a missing symbol.
     """
     from mems_impact.integrators.jit.numba_support import check_numba
 

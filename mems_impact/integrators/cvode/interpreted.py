@@ -49,15 +49,7 @@ class _Failure(Exception):
 
 
 class InterpretedCvode(Functions):
-    """CVODE with Python callbacks and the interface of `mems_impact.integrators.interface`.
-
-    Parameters
-    ----------
-    equations : Equations
-    options : Options
-    max_step : float
-        Longest internal step.
-    """
+    """CVODE with Python callbacks and the interface of `mems_impact.integrators.interface`."""
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         super().__init__(equations)

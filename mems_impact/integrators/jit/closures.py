@@ -70,15 +70,9 @@ def mark_overloaded(*functions: Callable[..., Any]) -> None:
 class Snapshot:
     """Functions and their dependencies at one instant.
 
-    Attributes
-    ----------
-    name : str
-        A digest of the functions with their dependencies, and of the sources of the engine. Equal
-        names mean equal compiled code.
-    lasting : bool
-        Whether the name is valid in other processes. It is not if a function depends on an object
-        that is identified by its address only.
-    functions : tuple of callable
+    `name`, a digest of the functions with their dependencies and of the sources of the engine, is
+    equal for equal compiled code. It is not valid in other processes (`lasting`) if a function
+    depends on an object that is identified by its address only.
     """
 
     name: str
@@ -391,11 +385,6 @@ class Copier:
     numba distinguishes symbols by function numbers within a process, and the numbers of two
     processes coincide. A process that loads the compiled code of both from the cache on disk would
     silently confuse them. So the name of each copy contains a digest of its dependencies.
-
-    Parameters
-    ----------
-    options
-        Of numba, for the copies.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -520,21 +509,11 @@ _LOCATION = re.compile(r'File "(?P<a>[^"]+)", line (?P<i>\d+)|at (?P<b>\S+) \((?
 
 
 class CompileOutcome(NamedTuple):
-    """Result of compiling a function.
+    """Result of compiling a function."""
 
-    Attributes
-    ----------
-    problem : str
-        Why the function cannot be compiled, or "".
-    line : int
-        The line of the error in the function's file, 0 if unknown.
-    returned : numba type or None
-        Type of the returned value, if the function can be compiled.
-    """
-
-    problem: str
-    line: int = 0
-    returned: Any = None
+    problem: str  # why the function cannot be compiled, or ""
+    line: int = 0  # of the error in the function's file, 0 if unknown
+    returned: Any = None  # numba's type of the returned value
 
 
 def try_compile(function: Callable[..., Any], arguments: tuple[Any, ...]) -> CompileOutcome:

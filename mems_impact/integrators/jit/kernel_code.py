@@ -40,13 +40,7 @@ KERNEL = ir.FunctionType(_WORD, [_WORD, _WORD, _REAL, _WORD, _WORD, _WORD, _WORD
 
 
 class KernelCode:
-    """The body of a C function, to which each method adds instructions.
-
-    Attributes
-    ----------
-    mode, code, t, y, parameters, size, out : LLVM values
-        The arguments.
-    """
+    """The body of a C function, to which each method adds instructions, of LLVM values."""
 
     def __init__(self, builder: ir.IRBuilder, function: Any) -> None:
         self._builder, self._function = builder, function
@@ -161,21 +155,9 @@ def compile_kernel(
 ) -> Kernel:
     """Compile a function of an automaton to a C function, or load it from the cache.
 
-    Parameters
-    ----------
-    function : callable
-        Returns the function, for numba; called unless the cache has the C function.
-    arguments : sequence of numba types
-        Types of the function's arguments.
-    body : callable
-        ``body(code)`` writes the C function with a `KernelCode`, and returns the LLVM value that
-        the C function returns.
-    name : str
-        The symbol; identifies the function, its dependencies and `body`.
-    lasting : bool
-        Whether the name is valid in other processes, so that the code can be kept on disk.
-    boundscheck : bool
-        Whether the function checks the bounds of arrays.
+    `function` returns the function for numba, and is called unless the cache has the C function.
+    ``body(code)`` writes the C function and returns its LLVM value. The symbol `name` identifies
+    function, dependencies and `body`; the code is kept on disk if the name is `lasting`.
     """
     with global_compiler_lock, pause_collection():
         cache = library_cache(name, lasting)

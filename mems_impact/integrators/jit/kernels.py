@@ -314,16 +314,10 @@ def compile_role(
 def method_entries(
     method: str, handle: Callable[..., Any], functions: Sequence[Callable[..., Any]]
 ) -> list[Callable[..., Any]]:
-    """Return the functions of METHOD_SIGNATURES over addresses.
+    """Return `functions`, in the order of METHOD_SIGNATURES, over addresses of records.
 
-    Parameters
-    ----------
-    method : str
-        Distinguishes their symbols.
-    handle : callable
-        Converts an address to the record of the method (`record_at`).
-    functions : sequence of callable
-        Frozen implementations over that record, in the order of METHOD_SIGNATURES.
+    `method` distinguishes their symbols; `handle` converts an address to the record of the method
+    (`record_at`).
     """
     (
         run_step,
@@ -378,24 +372,8 @@ def method_entries(
 class CompiledEngine(SingleMethodEngine):
     """A record of addresses for compiled code, and the memory that it points to.
 
-    Parameters
-    ----------
-    dtype : numpy.dtype
-        `mems_impact.integrators.jit.kernels.ENGINE_FIELDS` and the fields of the method.
-    equations : Equations
-    arrays : dict of str to int
-        Arrays of the method: number of values; the field of that name has the address.
-    functions : dict of str to C function
-        Functions of the method; the field of that name has the address.
-
-    Attributes
-    ----------
-    handle : record
-        All fields.
-    address : int
-        Of the record, whose first fields the event loop uses.
-    memory : float array
-        The arrays whose addresses are in the record.
+    The record, `handle`, has the fields `ENGINE_FIELDS`, which the event loop reads at `address`,
+    and those of the method: addresses of its `arrays`, named with their lengths, and `functions`.
     """
 
     def __init__(

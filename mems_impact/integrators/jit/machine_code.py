@@ -67,12 +67,7 @@ def read(file: Path) -> Any:
 
 
 def write(file: Path, content: Any) -> None:
-    """Write a file.
-
-    Raises
-    ------
-    InvalidFile, FileNotWritten
-    """
+    """Write a file; raise InvalidFile or FileNotWritten."""
     data = pickle.dumps(content, pickle.HIGHEST_PROTOCOL)
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as temporary:

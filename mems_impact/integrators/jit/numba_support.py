@@ -353,17 +353,10 @@ def library_cache(name: str, lasting: bool) -> Any:
 def compile_callback(
     function: Callable[..., Any], signature: Signature, name: str | None, **options: Any
 ) -> Any:
-    """Compile `function` to a C function.
+    """Compile `function` to a C function, with additional `options` of numba.
 
-    Parameters
-    ----------
-    function : callable
-    signature : numba signature
-    name : str or None
-        Identifies the function and its dependencies in every process; None if that is impossible.
-        Compiled code with a name is cached on disk.
-    options
-        Additional options of numba.
+    `name` identifies the function and its dependencies in every process, so that compiled code is
+    cached on disk; None if that is impossible.
     """
     compiled: Any = CFunc(
         function, (signature.args, signature.return_type), {}, {**FOR_C, **options}

@@ -56,11 +56,7 @@ def sin(x: float) -> float:
 class Reduction:
     """LLVM instructions for an argument reduced to a quadrant and an angle in [-pi/4, pi/4].
 
-    Attributes
-    ----------
-    angle, tail, square : LLVM values
-        The angle, its rounding error, and its square.
-    quadrant : LLVM value
+    `tail` is the rounding error of the angle, `square` its square.
     """
 
     def __init__(self, builder: Any, x: Any) -> None:
