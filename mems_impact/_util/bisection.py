@@ -19,14 +19,8 @@ def bisect(
 ) -> tuple[float, float]:
     """Return the last number where a condition holds and the first where it does not.
 
-    Parameters
-    ----------
-    holds : callable
-        The condition: true at `inside`, false at `outside`.
-    inside, outside : float
-        In either order.
-    tolerance : float, optional
-        Largest distance between the two numbers; 0: no number lies between them.
+    The condition is true at `inside`, false at `outside`, in either order; with a `tolerance` of 0
+    no number lies between the two.
     """
     while abs(outside - inside) > tolerance:
         middle = 0.5 * (inside + outside)
@@ -42,14 +36,8 @@ def bisect(
 def discontinuity(function: Callable[[float], Floats], begin: float, end: float) -> float | None:
     """Return a number between two others at which a function is discontinuous; None without one.
 
-    Each bisection keeps the half over which the function changes more. Over an interval of that
-    length a continuous function changes by far less than a jump.
-
-    Parameters
-    ----------
-    function : callable
-        Function with values of order one.
-    begin, end : float
+    Each bisection keeps the half over which the function, with values of order one, changes more.
+    Over an interval of that length a continuous function changes by far less than a jump.
     """
     first, last = function(begin), function(end)
     whole = np.abs(last - first).max(initial=1.0)

@@ -49,31 +49,13 @@ def file_path(path: object, allowed: str = "the path of a file", field: str = "p
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield the path of a temporary file, which replaces `path` at the end of the block.
+    """Yield a temporary path, in a hidden folder beside `path`, which it replaces after the block.
 
-    If the block fails or is interrupted, the temporary file is removed, and `path` is unchanged.
+    The temporary file has the same name. Symbolic links are followed. If the block fails or is
+    interrupted, the temporary file is removed, and `path` is unchanged. Raises InvalidParameter if
+    `path` is no path, InvalidFile if it is a directory, a pipe or a device, or write-protected, and
+    FileNotWritten for another reason, such as a full disk.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file to write. Symbolic links are followed.
-
-    Yields
-    ------
-    Path
-        A path of the same name, in a hidden folder beside `path`.
-
-    Raises
-    ------
-    InvalidParameter
-        If `path` is no path.
-    InvalidFile
-        If `path` is invalid: a directory, a pipe or a device, or write-protected.
-    FileNotWritten
-        If the file cannot be written for another reason, such as a full disk.
-
-    Examples
-    --------
     >>> with replacing("table.csv") as temporary:
     ...     _ = temporary.write_text("amplitude,step")
     """

@@ -33,8 +33,6 @@ _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe
 def class_name(kind: str) -> str:
     """Return the name of the class of a kind: "pulse-and-hold" and "pulse_and_hold" alike.
 
-    Examples
-    --------
     >>> class_name("pulse-and-hold")
     'PulseAndHold'
     """

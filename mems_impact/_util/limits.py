@@ -12,14 +12,7 @@ __all__ = ["BOUND_RTOL", "UNLIMITED", "Bound", "Limits"]
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """The range of a number.
-
-    Attributes
-    ----------
-    low, high : float
-    low_excluded, high_excluded : bool
-        Whether the bound itself is not allowed.
-    """
+    """The range of a number; a bound itself is allowed unless excluded."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -45,27 +38,13 @@ UNLIMITED = Limits()
 
 @dataclass(frozen=True, kw_only=True)
 class Bound:
-    """A bound of a number that depends on other numbers.
+    """A bound of a number that depends on other numbers."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the bounded number.
-    value : callable
-        ``value(p)``, the bound as a function of the parameter array.
-    upper : bool
-        Whether the number is below the bound.
-    excluded : bool
-        Whether the bound itself is not allowed.
-    meaning : str
-        What the bound is.
-    """
-
-    name: str
-    value: Callable[[Any], float]
-    upper: bool = False
-    excluded: bool = True
-    meaning: str
+    name: str  # of the bounded number
+    value: Callable[[Any], float]  # ``value(p)``, of the parameter array
+    upper: bool = False  # whether the number is below the bound
+    excluded: bool = True  # whether the bound itself is not allowed
+    meaning: str  # what the bound is
 
     @property
     def sign(self) -> str:

@@ -37,15 +37,8 @@ def names(group: str, own_names: Iterable[str] = ()) -> tuple[str, ...]:
 def plugin(group: str, name: str, is_one: Callable[[Any], bool], description: str) -> Any:
     """Return the plugin of another package by name; None if there is none, or it fails.
 
-    Parameters
-    ----------
-    group : str
-        An entry point group.
-    name : str
-    is_one : callable
-        Returns whether an object is valid in the group.
-    description : str
-        Description of a valid object: "a subclass of Drive".
+    `group` is an entry point group; `is_one` judges an object, and `description` says what is
+    valid: "a subclass of Drive".
     """
     entry = _found(group).get(name)
     if entry is None:

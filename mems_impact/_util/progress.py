@@ -42,19 +42,9 @@ def progress_bar(
 ) -> Iterator[Report | None]:
     """Yield a function to be called with the amount of finished work; None without listener.
 
-    Parameters
-    ----------
-    progress : bool or callable
-        True shows a bar after one second on a terminal, and elsewhere lines after three seconds.
-        A function is called with the amount.
-    unit : str
-        Unit in which work is counted.
-    total : float, optional
-        Amount of all work, if known.
-    work : str, optional
-        Name of the computation, shown with its progress.
-    finished_work : float, optional
-        Work finished by earlier runs.
+    `progress` True shows a bar after one second on a terminal, and elsewhere lines after three
+    seconds; a function is called with the amount. Work is counted in `unit`, and named by `work`;
+    `finished_work` was done by earlier runs.
     """
     if callable(progress):
         yield lambda done, note="": progress(done)
@@ -100,16 +90,8 @@ def parameter_progress(
 ) -> Iterator[Watch | None]:
     """Yield a function to be called with each value of a parameter that a continuation passes.
 
-    Parameters
-    ----------
-    progress : bool or callable
-        As in `progress_bar`.
-    name : str
-        The parameter.
-    unit : str
-        Unit in which work is counted, one per value.
-    out : callable
-        Converts a value from the units of the numerics to the user's units.
+    Work is counted in `unit`, one per value; `out` converts a value from the units of the numerics
+    to the user's units. `progress` as in `progress_bar`.
     """
     if callable(progress):
         yield lambda value: progress(out(value))
@@ -127,18 +109,8 @@ def is_interactive() -> bool:
 class ProgressLog:
     """Progress lines for a log: after 3 s, then every 10 % or 30 s, and at the end.
 
-    Work shorter than 3 s is not reported.
-
-    Parameters
-    ----------
-    unit : str
-        Unit in which work is counted.
-    total : float, optional
-        Amount of all work, if known.
-    finished_work : float, optional
-        Work finished by earlier runs.
-    kind : str, optional
-        Name of the computation.
+    Work shorter than 3 s is not reported. Arguments as in `progress_bar`; `kind` names the
+    computation.
     """
 
     def __init__(

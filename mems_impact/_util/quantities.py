@@ -88,22 +88,10 @@ def has_unit(value: Any) -> bool:
 
 
 def magnitude(value: Any, unit: str) -> float:
-    """Return a quantity as a number in `unit`.
+    """Return a quantity, such as "4 um" or pint's, as a number in an SI unit, "" for a pure number.
 
-    Parameters
-    ----------
-    value : str or pint.Quantity
-        A number with a unit, such as "4 um".
-    unit : str
-        An SI unit, such as "N/m"; empty for a pure number.
+    Raises QuantityError if it is no number with a unit, or the unit measures something else.
 
-    Raises
-    ------
-    QuantityError
-        If it is no number with a unit, or the unit measures something else.
-
-    Examples
-    --------
     >>> magnitude("4 um", "m"), magnitude("0.5 kHz", "Hz"), magnitude("5 %", "")
     (4e-06, 500.0, 0.05)
     """
@@ -130,22 +118,11 @@ def magnitude(value: Any, unit: str) -> float:
 
 
 def quantity(field: str, value: Any, unit: str | None, subject: str = "system") -> Any:
-    """Return a text with a unit as a number in `unit`; any other value unchanged.
+    """Return a text with a unit as a number in an SI `unit`; any other value unchanged.
 
-    Parameters
-    ----------
-    field : str
-        Name of the argument, for the error.
-    value : object
-    unit : str or None
-        An SI unit; empty for a pure number. None if `subject` is dimensionless.
-    subject : str, optional
-        "system" or "device".
-
-    Raises
-    ------
-    InvalidParameter
-        If the text has a unit of another kind, or the subject is dimensionless.
+    `unit` is empty for a pure number, None if the `subject`, "system" or "device", is
+    dimensionless; `field` names the argument in the error. Raises InvalidParameter if the text has
+    a unit of another kind, or the subject is dimensionless.
     """
     if not has_unit(value):
         return value

@@ -73,12 +73,8 @@ def with_times(lines: Sequence[str], source: str) -> list[str]:
     """Return the lines of a table with its times, and without settings beside its numbers.
 
     Some instruments write numbers of samples, or nothing, in place of times, and the increment of
-    the times above.
-
-    Raises
-    ------
-    InvalidFile
-        If there is one column without an increment, or dates stand in place of times.
+    the times above. Raises InvalidFile if there is one column without an increment, or dates stand
+    in place of times.
     """
     if lines and _after_setting(lines[0]) != lines[0]:
         lines = [_after_setting(line) for line in lines]

@@ -29,8 +29,6 @@ def si_prefixed(unit: str, size: float) -> tuple[int, str]:
 
     The first factor of a unit takes the prefix; 0 and the unit itself if it takes none.
 
-    Examples
-    --------
     >>> si_prefixed("m", 5e-6), si_prefixed("kg", 2e-6), si_prefixed("rad/s", 750.0)
     ((-6, 'µm'), (-6, 'mg'), (0, 'rad/s'))
     """
@@ -46,8 +44,6 @@ def si_prefixed(unit: str, size: float) -> tuple[int, str]:
 def si_amount(value: float, unit: str) -> str:
     """Return a number with its SI unit, with a prefix, as text of messages and files.
 
-    Examples
-    --------
     >>> si_amount(2.5e-7, "m"), si_amount(48.8, "V"), si_amount(0.24, "")
     ('250 nm', '48.8 V', '0.24')
     """
@@ -57,18 +53,11 @@ def si_amount(value: float, unit: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Scales:
-    """The units of the numerics, in those of the user.
+    """The units of the numerics, in those of the user."""
 
-    Parameters
-    ----------
-    factors : mapping of str to float
-        The unit of the numerics in each unit of the user ("m/s"); 1 for all others.
-    named : bool
-        Whether units have names; False if all quantities are pure numbers.
-    """
-
+    # in each unit of the user ("m/s"); 1 for all others
     factors: Mapping[str, float] = field(default_factory=dict)
-    named: bool = True
+    named: bool = True  # False if all quantities are pure numbers
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "factors", MappingProxyType(dict(self.factors)))

@@ -28,22 +28,12 @@ _here = threading.local()
 
 
 class CollectedWarning(NamedTuple):
-    """A collected warning.
-
-    Attributes
-    ----------
-    category : type of Warning
-    subject : str
-        Subject of the warning, such as the name of a guard.
-    message : str
-    point : int
-        Point of a study; -1 outside studies.
-    """
+    """A collected warning."""
 
     category: type[Warning]
-    subject: str
+    subject: str  # such as the name of a guard
     message: str
-    point: int = -1
+    point: int = -1  # of a study; -1 outside studies
 
 
 def warn(message: str, category: type[Warning], subject: str = "") -> None:

@@ -18,15 +18,8 @@ YOUNG_OBJECTS = 50_000  # between two collections; 700 or 2,000 by default
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run the command line and exit.
+    """Run the command line, by default with the arguments of the process, and exit.
 
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command-line arguments; by default the arguments of the process.
-
-    Notes
-    -----
     Exit statuses: 0, done; 1, the run stopped early, its verdict is unfavourable, or the disk or
     standard output is full; 2, bad input; 130 and 143, interrupted by Ctrl-C or SIGTERM; 141,
     standard output was closed by its reader.

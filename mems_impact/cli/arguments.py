@@ -79,16 +79,9 @@ OPTION_TYPES: dict[str, tuple[Any, Collect | None]] = {
 class FunctionOptions(click.Option):
     """The options of a command that are arguments of a function; see `Command`.
 
-    Parameters
-    ----------
-    declarations : sequence of str
-        Name of this object in the list of the command's options.
-    path : str
-        The function, ``"package.module:name"``.
-    omit : sequence of str
-        Arguments without an option.
-    defaults : mapping of str to object
-        Defaults of the command that differ from those of the function.
+    `declarations` name this object in the list of the command's options, `path` the function,
+    ``"package.module:name"``. Arguments in `omit` have no option; `defaults` are those of the
+    command that differ from the function's.
     """
 
     def __init__(
@@ -210,10 +203,7 @@ def function_options(path: str, **attributes: Any) -> Callable[[Any], Any]:
 def given_arguments(path: str, *, complete: bool = True) -> dict[str, Any]:
     """Return the arguments of a function that options give, fields of an options object below it.
 
-    Raises
-    ------
-    click.UsageError
-        If an argument without a default is not given, unless they need not be `complete`.
+    Raises click.UsageError if a required argument is not given, unless `complete` is False.
     """
     context = click.get_current_context()
     given: dict[str, Any] = dict(context.meta.get(GIVEN, {}).get(path, {}))

@@ -16,26 +16,13 @@ MAX_SUGGESTIONS = 5  # suggestions for an unknown word
 
 
 class Topic(NamedTuple):
-    """A topic of `topics.toml`.
-
-    Attributes
-    ----------
-    name : str
-    also : tuple of str
-        Synonyms.
-    answer : str
-        One line.
-    names : tuple of str
-        Public names that serve.
-    page : str
-        Page below `docs`, with its heading.
-    """
+    """A topic of `topics.toml`."""
 
     name: str
-    also: tuple[str, ...]
-    answer: str
-    names: tuple[str, ...]
-    page: str
+    also: tuple[str, ...]  # synonyms
+    answer: str  # one line
+    names: tuple[str, ...]  # public names that serve
+    page: str  # page below `docs`, with its heading
 
 
 @click.command(short_help="Open the documentation on a name, a command or a topic.")

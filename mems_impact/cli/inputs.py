@@ -41,12 +41,7 @@ EXCLUSIVE_OPTIONS = (
 def arguments_for(path: str, owner: mi.HybridSystem | mi.Actuator | None = None) -> dict[str, Any]:
     """Return the arguments that the options of the running command give to a function.
 
-    Parameters
-    ----------
-    path : str
-        The function, ``"package.module:name"``.
-    owner : HybridSystem or Actuator, optional
-        The system or device to which the initial state belongs.
+    `path` is ``"package.module:name"``; the initial state belongs to `owner`.
     """
     from mems_impact.studies.engine.config import arguments_from
 
@@ -68,17 +63,8 @@ def study_of(
 ) -> tuple[mi.HybridSystem, dict[str, Any]]:
     """Return system and arguments of the study that a file or the options of a command describe.
 
-    Parameters
-    ----------
-    ctx : click.Context
-    kind : str
-        Kind of the study.
-    path : str
-        The function that runs it, ``"package.module:name"``.
-    options : mapping of str to object
-        Values of DEVICE and ``--set``.
-    own_options : collection of str, optional
-        Options of the command that are allowed beside a study file.
+    `path` is the function that runs it, ``"package.module:name"``; `options` has the values of
+    DEVICE and ``--set``. `own_options` of the command are allowed beside a study file.
     """
     from mems_impact.actuator.device_files import names_in_file
 
@@ -178,17 +164,10 @@ def warn_of_failures(points: pd.DataFrame) -> None:
 def device_system(
     device: str, changes: Mapping[str, float], varied: Mapping[str, float] | None = None
 ) -> ActuatorSystem:
-    """Return a device under the drive of the options.
+    """Return a device, by name or file with `changes` of ``--set``, under the drive of the options.
 
-    Parameters
-    ----------
-    device : str
-        Name or file.
-    changes : mapping of str to float
-        Values of ``--set``.
-    varied : mapping of str to float, optional
-        A value of each varied parameter, which replaces its option. The device may lack the term of
-        the parameter.
+    `varied` has a value of each varied parameter, which replaces its option. The device may lack
+    the term of the parameter.
     """
     return _driven(_device(device, changes, varied or {}), drive_from(varied))
 

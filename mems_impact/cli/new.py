@@ -100,10 +100,7 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
 def _with_design(template: str, texts: dict[str, str]) -> str:
     """Return the template of a device with the table [design] of a data sheet.
 
-    Raises
-    ------
-    InvalidParameter
-        If the quantities determine no device.
+    Raises InvalidParameter if the quantities determine no device.
     """
     from mems_impact._util.units import si_amount
     from mems_impact.actuator.actuator import Actuator

@@ -252,13 +252,8 @@ def drive_from(
 ) -> Drive:
     """Return the drive that the options of the running command describe.
 
-    Parameters
-    ----------
-    varied : mapping of str to float, optional
-        Parameters that the command varies, and their first values. Parameters that the drive lacks
-        are ignored.
-    default_kind : str, optional
-        Kind of the drive if neither an option nor the file of the device names one.
+    `varied` has first values of parameters that the command varies; parameters that the drive lacks
+    are ignored. `default_kind` applies if neither an option nor the file of the device names one.
     """
     values = dict(click.get_current_context().meta.get(KEY, {}))
     values.pop("choice", None)

@@ -40,21 +40,11 @@ MIN_TEXT_WIDTH = 20  # columns of a wrapped text beside a wide first column
 
 
 class OutputValue(NamedTuple):
-    """A value that a command shows on one line.
-
-    Attributes
-    ----------
-    value : object
-        A number, a text, or a list of numbers and texts.
-    unit : str
-        Empty for a pure number.
-    text : str, optional
-        Text shown in place of the value.
-    """
+    """A value that a command shows on one line: a number, a text, or a list of these."""
 
     value: Any
-    unit: str = ""
-    text: str | None = None
+    unit: str = ""  # empty for a pure number
+    text: str | None = None  # shown in place of the value
 
 
 @dataclass
@@ -331,24 +321,11 @@ OUTPUT_REMEDY = "choose another place with --output or --figure"
 class Output:
     """The files of one command; an exception that ends it early notes which files were written.
 
-    Parameters
-    ----------
-    directory : str or None
-        Directory of the files; created, and removed again if nothing is written. ``-``, and by
-        default with ``--json``: none, tables are shown only; otherwise `DIRECTORY` by default.
-    figure : str or None
-        Path of the figure; by default `name` with ``.png`` in the directory, if there is one.
-    no_figure : bool
-    name : str
-        First part of all names.
+    The directory is created, and removed again if nothing is written; ``-``, and by default with
+    ``--json``, is none, so that tables are shown only; otherwise `DIRECTORY` by default. The figure
+    is by default `name` with ``.png`` there; all names begin with `name`. Raises
+    click.ClickException if a file could not be written.
 
-    Raises
-    ------
-    click.ClickException
-        If a file could not be written there.
-
-    Examples
-    --------
     >>> with Output("out", None, False, "sweep") as files:
     ...     files.tables({"table": table})
     ...     files.draw(lambda: plot_sweep(table).figure)

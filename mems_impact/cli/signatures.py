@@ -24,38 +24,21 @@ EXAMPLE = re.compile(r"[:,] ``.*?``(?=[.;])")  # in Python
 
 
 class Argument(NamedTuple):
-    """An argument of a function, or a field of one of its options objects.
-
-    Attributes
-    ----------
-    name : str
-    types : tuple of str
-        Its annotation: the alternatives, with aliases resolved and without None.
-    default : object
-        `REQUIRED` if it has none.
-    choices : tuple
-        The allowed values, if its docstring lists them.
-    text : str
-        First sentence of its description, without examples in Python.
-    owner : str
-        Name of the argument that holds the options object; empty for an argument.
-    """
+    """An argument of a function, or a field of one of its options objects."""
 
     name: str
+    # the alternatives of its annotation, with aliases resolved and without None
     types: tuple[str, ...]
-    default: Any
-    choices: tuple[Any, ...] = ()
-    text: str = ""
-    owner: str = ""
+    default: Any  # `REQUIRED` if it has none
+    choices: tuple[Any, ...] = ()  # the allowed values, if its docstring lists them
+    text: str = ""  # first sentence of its description, without examples in Python
+    owner: str = ""  # the argument that holds the options object; empty for an argument
 
 
 def arguments_of(path: str) -> Iterator[Argument]:
     """Yield the arguments of a function after the first; those of an options object one by one.
 
-    Parameters
-    ----------
-    path : str
-        ``"package.module:function"``, or of a method ``"package.module:Class.method"``.
+    `path` is ``"package.module:function"``, or of a method ``"package.module:Class.method"``.
     """
     module, function = _definition(*path.split(":"))
     texts, signature = _texts(function), function.args

@@ -189,16 +189,8 @@ class ToleranceType(AssignmentType):
 class RangeType(click.ParamType):
     """A range: [NAME=]LOW:HIGH, or [NAME=]START:STOP:POINTS.
 
-    Parameters
-    ----------
-    named : bool, optional
-        Whether the name of a parameter precedes it.
-    points : bool, optional
-        Whether a number of points follows.
-    half_open : bool, optional
-        Whether one end may be omitted.
-    ends : str, optional
-        Names of the ends.
+    With `named` the name of a parameter precedes it, with `points` a number of points follows, with
+    `half_open` one end may be omitted; `ends` names the ends.
     """
 
     def __init__(

@@ -21,18 +21,11 @@ class _GivenUp(Exception):
 class LatestOnlyWorker(Generic[Request]):
     """A thread that computes the latest request.
 
-    Parameters
-    ----------
-    compute : callable
-        ``compute(request, watch)`` calls ``watch(progress)`` repeatedly; an exception from it ends
-        the computation.
-    deliver : callable
-        ``deliver(request, result, error)`` is called in the thread, with one of both None.
-    patience : float, optional
-        Seconds for which a computation continues after a newer request. Short computations are
-        completed, so that pictures follow a moving slider.
-    delay : float, optional
-        Seconds without a newer request before a computation begins.
+    ``compute(request, watch)`` calls ``watch(progress)`` repeatedly, and an exception from it ends
+    the computation. ``deliver(request, result, error)`` is called in the thread, with one of both
+    None. A computation begins after `delay` seconds without a newer request, and continues for
+    `patience` seconds after one: short computations are completed, so that pictures follow a moving
+    slider.
     """
 
     def __init__(

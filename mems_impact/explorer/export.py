@@ -33,12 +33,7 @@ LINE = 96
 def python_of(subject: Subject, setting: PageSetting, spec: SliderSpec | None) -> str:
     """Return a script that computes and draws run, orbit and diagram of a setting.
 
-    Parameters
-    ----------
-    subject : Subject
-    setting : PageSetting
-    spec : SliderSpec or None
-        Slider of the parameter of the diagram; None for a system without parameters.
+    `spec` is the slider of the diagram's parameter; None for a system without parameters.
     """
     system = setting.system(subject)
     length_arguments: dict[str, Any] = run_length(system, setting, unit_of_time(system))

@@ -38,10 +38,6 @@ class OwnRequests(Matcher):
 
     A page of another site may send a request to this machine, and may map its host name to it.
     Browsers say where a request comes from.
-
-    Parameters
-    ----------
-    port : int
     """
 
     def __init__(self, port: int) -> None:
@@ -67,25 +63,11 @@ class Refusal(RequestHandler):
 
 
 def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
-    """Serve the pages of a subject until Ctrl-C.
+    """Serve the pages of a subject on 127.0.0.1 until Ctrl-C.
 
-    Parameters
-    ----------
-    subject : Subject
-    port : int
-        Port of the server; 0 for any free port.
-    ready : callable
-        ``ready(address)`` is called when the page can be opened.
-
-    Raises
-    ------
-    InvalidParameter
-        If the port cannot be opened.
-
-    Notes
-    -----
-    The server listens on 127.0.0.1. It answers the user and its own pages only, so that another
-    site can start no computation: see `OwnRequests`.
+    The server answers the user and its own pages only, so that another site can start no
+    computation: see `OwnRequests`. Port 0 is any free port; ``ready(address)`` is called when the
+    page can be opened. Raises InvalidParameter if the port cannot be opened.
     """
     specs = slider_specs(subject)
     pages: list[Page] = []

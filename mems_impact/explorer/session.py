@@ -44,22 +44,10 @@ ANGULAR, TURN = "rad/s", 2.0 * math.pi  # an angular frequency is shown in Hz
 
 
 def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
-    """Return the display unit for numbers of a size, and its name.
+    """Return the display unit for numbers up to a size: divisor and name.
 
-    Parameters
-    ----------
-    unit : str
-        SI, such as "N s/m"; the first of its factors takes the prefix, if it can.
-    size : float
-        The largest of the numbers, in `unit`.
+    The first factor of an SI unit such as "N s/m" takes the prefix, if it can.
 
-    Returns
-    -------
-    tuple of float and str
-        Divisor of a number in `unit`, and the name of the display unit.
-
-    Examples
-    --------
     >>> best_si_prefix("m", 5e-6), best_si_prefix("kg", 2e-6), best_si_prefix("rad/s", 750.0)
     ((1e-06, 'µm'), (1e-06, 'mg'), (1.0, 'rad/s'))
     """
@@ -76,35 +64,19 @@ EXPLORER_OPTIONS = Options(method="auto")
 
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """The explored system, with its initial parameters.
-
-    Attributes
-    ----------
-    system : System
-        The system at the initial parameters.
-    title : str
-    source : callable
-        ``source(system)`` returns the Python source that constructs `system`, this one at other
-        parameters, under the name ``system``.
-    starts : mapping of str to callable
-        Initial states by name: ``start(system)`` returns the state, None for the system's own.
-    groups : mapping of str to tuple of str
-        The parameters, by the heading of their sliders.
-    meanings : mapping of str to str
-        Short names of parameters whose symbols are not words.
-    sizes : mapping of str to float
-        Range of the slider of a parameter that is 0, if 1 in the units of the numerics is
-        unsuitable.
-    options : Options
-        How runs are integrated.
-    """
+    """The explored system, with its initial parameters."""
 
     system: HybridSystem
     title: str
+    # ``source(system)`` returns the Python source that constructs `system`, this one at other
+    # parameters, under the name ``system``.
     source: Callable[[HybridSystem], str] = field(repr=False)
+    # Initial states by name: ``start(system)`` returns the state, None for the system's own.
     starts: Mapping[str, Callable[[HybridSystem], State | None]] = field(repr=False)
-    groups: Mapping[str, tuple[str, ...]]
+    groups: Mapping[str, tuple[str, ...]]  # the parameters, by the heading of their sliders
+    # Short names of parameters whose symbols are not words.
     meanings: Mapping[str, str] = field(default_factory=dict)
+    # Range of the slider of a parameter that is 0, if 1 in the units of the numerics is unsuitable.
     sizes: Mapping[str, float] = field(default_factory=dict)
     options: Options = EXPLORER_OPTIONS
 
@@ -177,14 +149,8 @@ def subject_of_code(
 ) -> Subject:
     """Return the subject of a system defined by Python code.
 
-    Parameters
-    ----------
-    name : str
-        As in `mems_impact.load`, for example "FILE.py:NAME". The code is run.
-    changes : mapping of str to float, optional
-        Other values of some parameters.
-    options : Options, optional
-        How runs are integrated.
+    `name` is as in `mems_impact.load`, for example "FILE.py:NAME". The code is run; `changes` are
+    other values of some parameters.
     """
     begin = load_system(name)
 
@@ -244,29 +210,14 @@ ROUND_TRIP_DIGITS = 15  # significant digits that survive a change of the unit
 
 @dataclass(frozen=True, kw_only=True)
 class SliderSpec:
-    """The slider of one parameter.
-
-    Attributes
-    ----------
-    name : str
-    symbol : str
-        Symbol of the displayed quantity: the name of the parameter, or that over 2π.
-    meaning : str
-        Name of the displayed quantity; empty if the symbol is a word or unknown.
-    unit : str
-        Display unit, empty for a pure number.
-    factor : float
-        The display unit in the system's unit: the displayed value times `factor` is the parameter.
-    low, high, step : float
-        Range and step in the system's unit.
-    """
+    """The slider of one parameter."""
 
     name: str
-    symbol: str
-    meaning: str
-    unit: str
-    factor: float
-    low: float
+    symbol: str  # of the displayed quantity: the parameter's name, or that over 2π
+    meaning: str  # name of the displayed quantity; empty if the symbol is a word
+    unit: str  # of the display, empty for a pure number
+    factor: float  # the displayed value times `factor` is the parameter
+    low: float  # range and step are in the system's unit
     high: float
     step: float
 
@@ -382,28 +333,13 @@ TIME = "t"
 
 @dataclass(frozen=True, kw_only=True)
 class PageSetting:
-    """The displayed state of a page.
-
-    Attributes
-    ----------
-    values : mapping of str to float
-        All parameters of the system.
-    length : float
-        Length of the run in forcing periods, in the system's `unit_of_time` for an autonomous
-        system.
-    start : str
-        Name of the initial state.
-    parameter : str
-        Parameter of the bifurcation diagram.
-    x, y : str
-        States that span the phase plane, or "t".
-    """
+    """The displayed state of a page."""
 
     values: Mapping[str, float]
-    length: float
-    start: str
-    parameter: str
-    x: str
+    length: float  # of the run, in forcing periods or an autonomous system's `unit_of_time`
+    start: str  # name of the initial state
+    parameter: str  # of the bifurcation diagram
+    x: str  # this and `y` are the states that span the phase plane, or "t"
     y: str
 
     def with_value(self, name: str, value: float) -> PageSetting:
@@ -456,10 +392,7 @@ def address_of(subject: Subject, setting: PageSetting) -> str:
 def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSetting:
     """Return the setting of an address's query; missing values are taken from `first_setting`.
 
-    Raises
-    ------
-    InvalidParameter
-        If the query has an unknown name, or the system does not allow a value.
+    Raises InvalidParameter if the query has an unknown name, or the system does not allow a value.
     """
     first = first_setting(subject)
     values = dict(first.values)

@@ -61,29 +61,15 @@ MAX_DRAWN_ROWS = 40_000
 
 @dataclass(frozen=True, kw_only=True)
 class DiagramSnapshot:
-    """A sweep of a parameter, up and down.
-
-    Attributes
-    ----------
-    request : DiagramRequest
-    table : DataFrame
-        As `mems_impact.sweep` returns it.
-    state : str
-        The shown column.
-    message : str
-        Which values failed or have not settled; empty if none.
-    special_points : DataFrame
-        Label, parameter and state of the special points of the branch through the orbit of the run.
-    continued : bool
-        Whether they have been computed.
-    """
+    """A sweep of a parameter, up and down."""
 
     request: DiagramRequest
-    table: pd.DataFrame
-    state: str
-    message: str
+    table: pd.DataFrame  # as `mems_impact.sweep` returns it
+    state: str  # the shown column
+    message: str  # which values failed or have not settled; empty if none
+    # Label, parameter and state of the special points of the branch through the orbit of the run.
     special_points: pd.DataFrame
-    continued: bool = False
+    continued: bool = False  # whether special points have been computed
 
     @property
     def range(self) -> tuple[float, float]:
@@ -100,14 +86,7 @@ class DiagramSnapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class DiagramRequest:
-    """A requested diagram.
-
-    Attributes
-    ----------
-    setting : PageSetting
-    points : int
-        Number of values of the parameter.
-    """
+    """A requested diagram, with a number of values of the parameter."""
 
     setting: PageSetting
     points: int
@@ -142,17 +121,7 @@ def sweep_arguments(
 def diagram_of(
     subject: Subject, request: DiagramRequest, spec: SliderSpec, watch: Watch | None = None
 ) -> DiagramSnapshot:
-    """Sweep the parameter of a setting over its slider.
-
-    Parameters
-    ----------
-    subject : Subject
-    request : DiagramRequest
-    spec : SliderSpec
-        Slider of the parameter.
-    watch : callable, optional
-        Called during the sweep; an exception from it ends the sweep.
-    """
+    """Sweep the parameter of a setting over its slider, until an exception from `watch`."""
     system = request.setting.system(subject)
     arguments = sweep_arguments(system, request.setting, spec, request.points)
     with collected_warnings() as collected:
@@ -178,14 +147,8 @@ def with_special_points(
 ) -> DiagramSnapshot:
     """Continue the orbit of the run over the range of a diagram; add its special points.
 
-    A motion that is not periodic has no special points.
-
-    Parameters
-    ----------
-    subject : Subject
-    diagram : DiagramSnapshot
-    watch : callable, optional
-        Called during the continuation; an exception from it ends the continuation.
+    A motion that is not periodic has no special points. An exception from `watch` ends the
+    continuation.
     """
     setting = diagram.request.setting
     name, value = setting.parameter, setting.values[setting.parameter]
@@ -212,38 +175,21 @@ def with_special_points(
 
 @dataclass(frozen=True, kw_only=True)
 class MotionSnapshot:
-    """A part of a run, in the units of the system.
+    """A part of a run, in the units of the system: ``t`` and states by name."""
 
-    Attributes
-    ----------
-    curve : mapping of str to ndarray
-        ``t`` and states: samples and transitions, with NaN between the two sides of a jump.
-    frames : mapping of str to ndarray
-        ``t`` and states at equal times.
-    hits : mapping of str to ndarray
-        The impacts: ``t``, and each state ``before`` and ``after``.
-    stretches : tuple of tuple
-        Mode, start and end of each interval in one mode.
-    """
-
+    # samples and transitions, with NaN between the two sides of a jump
     curve: Mapping[str, Floats] = field(repr=False)
-    frames: Mapping[str, Floats] = field(repr=False)
+    frames: Mapping[str, Floats] = field(repr=False)  # at equal times
+    # the impacts: ``t``, and each state ``before`` and ``after``
     hits: Mapping[str, Floats] = field(repr=False)
+    # mode, start and end of each interval in one mode
     stretches: tuple[tuple[str, float, float], ...] = field(repr=False)
 
 
 def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> MotionSnapshot:
-    """Return the motion of some states to the end of a run.
+    """Return the motion of some states from `first` to the end of a run.
 
-    Parameters
-    ----------
-    run : Run
-    names : sequence of str
-        The states.
-    per_period : int
-        Samples in a period of the numerics.
-    first : float
-        Start of the motion, in periods of the numerics.
+    `first` and `per_period`, the number of samples, count periods of the numerics.
     """
     system, trajectory = run.system, run.trajectory
     indices = [system.states.index(name) for name in names]
@@ -332,92 +278,45 @@ TRANSIENT_SHARE = 0.5  # part of a run without shown crossings
 
 @dataclass(frozen=True, kw_only=True)
 class Cycles:
-    """Quantities per cycle: for an actuator, the step of the frame in each forcing period.
+    """Quantities per cycle: for an actuator, the step of the frame in each forcing period."""
 
-    Attributes
-    ----------
-    number : ndarray
-        Numbers of the forcing periods or of the crossings of the section, shape (n,).
-    value : ndarray
-        Shape (n,).
-    quantity : str
-        The name of the values.
-    name : str
-        The state or column whose unit they have.
-    speed : float
-        Divisor of a value for the speed; 0 if there is no speed.
-    events : ndarray
-        Number of impacts, or of events without impacts, in each forcing period; empty without
-        forcing.
-    counted : str
-        Name of `events`.
-    """
-
-    number: Floats
-    value: Floats
-    quantity: str
-    name: str
-    speed: float
+    number: Floats  # of the forcing periods or of the crossings of the section, shape (n,)
+    value: Floats  # shape (n,)
+    quantity: str  # the name of the values
+    name: str  # the state or column whose unit the values have
+    speed: float  # divisor of a value for the speed; 0 if there is no speed
+    # Number of impacts, or of events without impacts, in each forcing period; empty without
+    # forcing.
     events: Floats
-    counted: str
+    counted: str  # name of `events`
 
 
 @dataclass(frozen=True, kw_only=True)
 class Headline:
-    """A number that sums up a run.
-
-    Attributes
-    ----------
-    name : str
-    value : float
-        NaN where it is not defined.
-    quantity : str
-        The state, column or parameter whose unit it has.
-    change : float
-        Relative distance from its limit (see `Settling`).
-    """
+    """A number that sums up a run; NaN where it is not defined."""
 
     name: str
     value: float
-    quantity: str
-    change: float = 0.0
+    quantity: str  # the state, column or parameter whose unit it has
+    change: float = 0.0  # relative distance from its limit (see `Settling`)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunSnapshot:
-    """Data of a run for a page.
-
-    Attributes
-    ----------
-    setting : PageSetting
-    run : Run
-    motion : MotionSnapshot
-        The last part of the run.
-    voltages : tuple of ndarray
-        Of an actuator, at the frames of the motion: right voltage, and left voltage if there is
-        one.
-    section : mapping of str to ndarray
-        ``t`` and the states at crossings of the Poincaré section, or at starts of forcing periods,
-        after the transient.
-    cycles : Cycles
-    headlines : tuple of Headline
-    unit : float
-        Unit of the time axis.
-    seconds : float
-        Duration of the computation.
-    warnings : tuple of str
-        Warnings of the run.
-    """
+    """Data of a run for a page."""
 
     setting: PageSetting
     run: Run = field(repr=False)
-    motion: MotionSnapshot = field(repr=False)
+    motion: MotionSnapshot = field(repr=False)  # the last part of the run
+    # Of an actuator, at the frames of the motion: right voltage, and left voltage if there is one.
     voltages: tuple[Floats, ...] = field(repr=False)
+    # ``t`` and the states at crossings of the Poincaré section, or at starts of forcing periods,
+    # after the transient.
     section: Mapping[str, Floats] = field(repr=False)
     cycles: Cycles = field(repr=False)
     headlines: tuple[Headline, ...]
-    unit: float
-    seconds: float
+    unit: float  # of the time axis
+    seconds: float  # duration of the computation
     warnings: tuple[str, ...] = ()
 
     @property
@@ -439,19 +338,8 @@ def take_snapshot(
 ) -> RunSnapshot:
     """Run the system of a setting, and return the data for a page.
 
-    Parameters
-    ----------
-    subject : Subject
-    setting : PageSetting
-    watch : callable, optional
-        Called during the run; an exception from it ends the run.
-
-    Raises
-    ------
-    InvalidParameter
-        If the system does not allow the values.
-    RunError
-        If the run fails.
+    An exception from `watch` ends the run. Raises InvalidParameter if the system does not allow the
+    values, RunError if the run fails.
     """
     begin = time.perf_counter()
     with collected_warnings() as collected:
@@ -614,21 +502,11 @@ def _headline(run: Run, name: str, statistic: str, quantity: str) -> Headline:
 
 @dataclass(frozen=True, kw_only=True)
 class Floquet:
-    """The periodic orbit near the end of a run.
+    """The periodic orbit near the end of a run."""
 
-    Attributes
-    ----------
-    multipliers : ndarray
-        Complex; empty if no orbit was found.
-    stable : bool or None
-        As of an orbit: None if neutral, or if no orbit was found.
-    description : str
-        Description of the orbit, or why none was found.
-    """
-
-    multipliers: NDArray[np.complex128]
-    stable: bool | None
-    description: str
+    multipliers: NDArray[np.complex128]  # empty if no orbit was found
+    stable: bool | None  # None if neutral, or if no orbit was found
+    description: str  # of the orbit, or why none was found
 
 
 def floquet_of(picture: RunSnapshot, watch: Watch | None = None) -> Floquet:

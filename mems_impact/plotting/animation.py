@@ -45,41 +45,20 @@ MIN_LINE_SAMPLES = 400  # samples of a line in a period
 
 
 class Scene(NamedTuple):
-    """An animated figure.
-
-    Attributes
-    ----------
-    figure : matplotlib Figure
-    draw : callable
-        Updates the artists for a frame number.
-    frames : int
-        Number of frames.
-    moving : list of Artist
-        The moving artists; the others are drawn once.
-    """
+    """An animated figure; artists other than `moving` are drawn once."""
 
     figure: Any
-    draw: Callable[[int], None]
+    draw: Callable[[int], None]  # updates the moving artists for a frame number
     frames: int
     moving: list[Any]
 
 
 class Frames(NamedTuple):
-    """The animated part of a run.
+    """The animated part of a run."""
 
-    Attributes
-    ----------
-    samples : DataFrame
-        Dense samples, for lines.
-    every : int
-        Number of samples per frame.
-    corners : DataFrame
-        The transitions among the samples.
-    """
-
-    samples: pd.DataFrame
-    every: int
-    corners: pd.DataFrame
+    samples: pd.DataFrame  # dense, for lines
+    every: int  # number of samples per frame
+    corners: pd.DataFrame  # the transitions among the samples
 
     @property
     def frame_samples(self) -> pd.DataFrame:
@@ -147,13 +126,7 @@ def portrait(
 ) -> Scene:
     """Return the phase portrait of a run with its last period highlighted.
 
-    For an autonomous system the last sixth is highlighted.
-
-    Parameters
-    ----------
-    run : Run
-    first, last, per_period, x, y
-        As in `mems_impact.animate`.
+    For an autonomous system the last sixth is highlighted; arguments as in `mems_impact.animate`.
     """
     x, y = plane(run.system, x, y)
     frames = frames_of(run, first, last, per_period)

@@ -92,18 +92,9 @@ FAN_ANGLES = 12  # directions in which such markers are placed
 
 
 def mark_points(ax: Any, marks: Sequence[Mark]) -> list[Any]:
-    """Mark and label special points; markers of points that coincide stand side by side.
+    """Mark special points, coinciding ones side by side, and return their labels.
 
-    Parameters
-    ----------
-    ax : matplotlib Axes
-        Axes with all other artists.
-    marks : sequence of Mark
-
-    Returns
-    -------
-    list of Annotation
-        The labels.
+    All other artists are drawn before.
     """
     from matplotlib.lines import Line2D
 
@@ -174,19 +165,8 @@ def label_points(
 ) -> list[Any]:
     """Write labels beside points, so that they overlap neither each other nor, mostly, lines.
 
-    Parameters
-    ----------
-    ax : matplotlib Axes
-        Axes with all other artists.
-    marks : sequence of Mark
-    shifts : float array, shape (n, 2), optional
-        By how much markers are shifted from their points [pt].
-    **options
-        Of the texts.
-
-    Returns
-    -------
-    list of Annotation
+    All other artists are drawn before. `shifts` of markers from their points, shape (n, 2), are in
+    pt; `options` are those of the texts. Returns the annotations.
     """
     from matplotlib import rcParams
     from matplotlib.font_manager import FontProperties
@@ -272,17 +252,8 @@ def _price(box: Floats, occupied: Sequence[Floats], lines: Floats, frame: Floats
 def label_verticals(ax: Any, lines: Sequence[tuple[float, str]]) -> list[Any]:
     """Write labels along vertical lines, where they overlap neither each other nor curves.
 
-    Parameters
-    ----------
-    ax : matplotlib Axes
-        Axes with all other artists.
-    lines : sequence of tuple of float and str
-        Where each line is, and its label. A label is broken at a newline only if it is free of
-        overlaps there and not in one row.
-
-    Returns
-    -------
-    list of Annotation
+    All other artists are drawn before. A label is broken at a newline only if it is free of
+    overlaps there and not in one row. Returns the annotations.
     """
     from matplotlib.font_manager import FontProperties
 
@@ -342,12 +313,7 @@ def free_corner(
 
 
 def letter_panels(axes: Sequence[Any]) -> None:
-    """Write (a), (b), … at the upper left of panels; nothing at a single panel.
-
-    Parameters
-    ----------
-    axes : sequence of matplotlib Axes
-    """
+    """Write (a), (b), … at the upper left of panels; nothing at a single panel."""
     for letter, ax in zip(ascii_lowercase, axes if len(axes) > 1 else (), strict=False):
         # Above the numbers at the axis, so that neither a curve nor a title is covered.
         ax.annotate(
@@ -360,24 +326,10 @@ def letter_panels(axes: Sequence[Any]) -> None:
 def legend_above(
     ax: Any, handles: Sequence[Any] | None = None, *, by_row: bool = False, **options: Any
 ) -> Any:
-    """Put a legend above axes, in as many columns as fit, with visible dots.
+    """Put a legend above axes, in as many columns as fit, with visible dots; None without entries.
 
-    Spaces shrink where it would be higher than a tenth of the figure.
-
-    Parameters
-    ----------
-    ax : matplotlib Axes
-    handles : sequence of Artist, optional
-        Entries; all artists with labels by default.
-    by_row : bool, optional
-        Fill rows one after the other, not columns.
-    **options
-        Of the legend.
-
-    Returns
-    -------
-    Legend or None
-        None where there is nothing to show.
+    Spaces shrink where it would be higher than a tenth of the figure. Entries are all artists with
+    labels unless `handles` are given, in rows one after the other if `by_row`.
     """
     from matplotlib import rcParams
     from matplotlib.font_manager import FontProperties
@@ -476,14 +428,8 @@ class Label(NamedTuple):
 def symbol(name: str, symbols: Mapping[str, str] = MappingProxyType({})) -> str:
     r"""Return the symbol of a state or a parameter for labels; the name if it is a word.
 
-    Parameters
-    ----------
-    name : str
-    symbols : mapping of str to str, optional
-        Symbols that do not follow from names.
+    `symbols` do not follow from names.
 
-    Examples
-    --------
     >>> symbol("x2"), symbol("v_max"), symbol("wall")
     ('$x_2$', '$v_{\\mathrm{max}}$', 'wall')
     """
@@ -544,8 +490,6 @@ def on_section(table: pd.DataFrame, state: str) -> Label:
 def prefixed(unit: str, largest: float) -> tuple[int, str]:
     """Return the power of ten for values up to `largest`, and its label.
 
-    Examples
-    --------
     >>> prefixed("m", 2.3e-6), prefixed("", 2.3e-4), prefixed("V", 40.0)
     ((-6, 'µm'), (-4, '$10^{-4}$'), (0, 'V'))
     >>> prefixed("Hz", 5200.0), prefixed("s", 0.03), prefixed("", 0.03)
@@ -565,8 +509,6 @@ def prefixed(unit: str, largest: float) -> tuple[int, str]:
 def amount(value: float, unit: str, digits: int) -> str:
     """Return a value with its unit, as an axis shows it: "60 nm".
 
-    Examples
-    --------
     >>> amount(6e-8, "m", 3), amount(-3.43e-5, "", 3)
     ('60 nm', '-3.43e-05')
     """
@@ -580,12 +522,6 @@ def label_axis(axis: Any, label: Label) -> None:
     """Label an axis and its ticks: plain numbers, with their power of ten in the unit.
 
     The drawn data stay in the units of their tables.
-
-    Parameters
-    ----------
-    axis : matplotlib Axis
-        ``ax.xaxis`` or ``ax.yaxis``.
-    label : Label
     """
     limits = getattr(axis.axes, f"get_{axis.axis_name}lim")()
     power, unit = prefixed(label.unit, float(np.max(np.abs(limits))))

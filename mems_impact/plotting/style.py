@@ -217,12 +217,8 @@ def inches(panels: float, rows: float = 0.0) -> float:
 def new_figure(panels: float = 1.0, rows: float = 0.0) -> Any:
     """Return an empty figure with the width of the style.
 
-    Where pyplot is in use, pyplot makes the figure, so that ``plt.show()`` and notebooks show it.
-
-    Parameters
-    ----------
-    panels, rows : float, optional
-        Height in panels of the style's height, and in rows of text.
+    Its height is in panels of the style's height, and in rows of text. Where pyplot is in use,
+    pyplot makes the figure, so that ``plt.show()`` and notebooks show it.
     """
     from matplotlib import rcParams
 
@@ -233,20 +229,9 @@ def new_figure(panels: float = 1.0, rows: float = 0.0) -> Any:
 
 
 def given_axes(ax: Any, count: int, each: str) -> list[Any]:
-    """Return the user's axes, one per panel.
+    """Return the user's axes, one per panel; raise InvalidParameter if their number differs.
 
-    Parameters
-    ----------
-    ax : matplotlib Axes or sequence of these
-    count : int
-        Number of panels.
-    each : str
-        Purpose of each, in words: "one per state".
-
-    Raises
-    ------
-    InvalidParameter
-        If the number of axes differs.
+    `each` names the purpose of each: "one per state".
     """
     axes = [ax] if hasattr(ax, "plot") else list(ax)
     if len(axes) != count:

@@ -128,20 +128,9 @@ def interleaved(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the samples to keep, and the order of samples and transitions along a line.
 
-    Parameters
-    ----------
-    time : ndarray
-        Times of the samples.
-    instants : ndarray
-        Times of the transitions.
-    jumps : ndarray of bool
-        Whether the line is broken at each transition.
-
-    Returns
-    -------
-    tuple of ndarray
-        A mask of the samples away from transitions, and the order in time of the concatenation of
-        these samples, the states before transitions, one gap for each jump, and the states after.
+    `jumps` are the transitions (at `instants`) where the line is broken. The result is a mask of
+    the samples away from transitions, and the order in time of the concatenation of these samples,
+    the states before transitions, one gap for each jump, and the states after.
     """
     # A sample at the instant of a transition may be on either side of it.
     near = distance_to_nearest(time, instants)
@@ -169,14 +158,9 @@ def shade(number: int) -> dict[str, Any]:
 
 
 def mode_styles(spent: pd.Series, modes: Sequence[str]) -> dict[str, tuple[str, Any]]:
-    """Return colour and line style of the visited modes, in the system's order.
+    """Return colour and line style of the visited modes, in the order of all modes of the system.
 
-    Parameters
-    ----------
-    spent : Series
-        Time in each mode; the longest has the colour of the motion.
-    modes : sequence of str
-        All modes of the system.
+    The mode in which most time is spent has the colour of the motion.
     """
     longest = spent.idxmax()
     others = [mode for mode in modes if mode in spent.index and mode != longest]

@@ -51,18 +51,8 @@ SAVES = {
 class Controls:
     """Sliders, number fields and choices (``layout``), and the buttons (``buttons``).
 
-    Parameters
-    ----------
-    subject : Subject
-    specs : tuple of SliderSpec
-    setting : PageSetting
-        Initial setting.
-    changed : callable
-        ``changed(change)`` is called with a function from the old setting to the new setting.
-    reset : callable
-        Called without arguments.
-    save : callable
-        ``save(what)`` is called with a key of `SAVES`.
+    ``changed(change)`` is called with a function from the old setting to the new setting,
+    ``save(what)`` with a key of `SAVES`.
     """
 
     def __init__(

@@ -63,18 +63,9 @@ ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s without changes before the computati
 
 
 class Page:
-    """A page of the explorer, for one browser session.
+    """A page of the explorer, for one browser session with its Bokeh document.
 
-    Parameters
-    ----------
-    document : Document
-        Bokeh document of one session.
-    subject : Subject
-    specs : tuple of SliderSpec
-    query : mapping of str to iterable of str
-        Query of the address.
-    complete : deque of DiagramSnapshot
-        Complete diagrams of all pages, which are shown again.
+    `complete` has the complete diagrams of all pages, which are shown again.
     """
 
     def __init__(

@@ -61,11 +61,8 @@ TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 class Panel(Protocol):
     """A part of the page that shows a run.
 
-    Attributes
-    ----------
-    layout : Model
-        A root of the document, which holds all that the panel draws: the browser learns of
-        changes of such models only.
+    `layout` is a root of the document and holds all that the panel draws: the browser learns of
+    changes of such models only.
     """
 
     layout: Any
@@ -102,19 +99,9 @@ def source(name: str, *columns: str) -> ColumnDataSource:
 
 
 def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
-    """Return the display unit of values, and its name in brackets.
+    """Return the display unit of values of a state or parameter: divisor, and name in brackets.
 
-    Parameters
-    ----------
-    system : System
-    name : str
-        State or parameter with the unit of the values.
-    values : array_like
-
-    Returns
-    -------
-    tuple of float and str
-        Divisor of the values; " [µm]", or "" for pure numbers.
+    The name is " [µm]", or "" for pure numbers.
     """
     numbers = np.asarray(values, dtype=float)
     finite = numbers[np.isfinite(numbers)]
@@ -133,14 +120,8 @@ CLICK_DISTANCE = 0.012  # part of the range within which a click means a special
 class BifurcationPanel:
     """Crossings of the section over a parameter, varied up and down; the run's own in black.
 
-    A click selects the value of the parameter, near a special point the value of the point.
-
-    Parameters
-    ----------
-    specs : mapping of str to SliderSpec
-        Of the parameters.
-    selected : callable
-        ``selected(name, value)`` is called with the parameter and its value where the user clicks.
+    A click selects the value of the parameter, near a special point the value of the point, by
+    ``selected(name, value)``.
     """
 
     def __init__(
@@ -546,13 +527,7 @@ HEIGHTS = (190, 140)
 
 
 class TimeSeriesPanel:
-    """One or two states over the last forcing periods of a run.
-
-    Parameters
-    ----------
-    count : int
-        Number of states.
-    """
+    """One or two states (`count`) over the last forcing periods of a run."""
 
     def __init__(self, count: int) -> None:
         self.figures = [new_figure(HEIGHTS[0] if count > 1 else sum(HEIGHTS))]
@@ -604,12 +579,7 @@ class TimeSeriesPanel:
 class AnimationPanels:
     """The frames that the browser plays, as ``layout``: a source without a view of its own.
 
-    Parameters
-    ----------
-    series : TimeSeriesPanel
-    portrait : PortraitPanel
-    device : DevicePanel or None
-        The panels in which something moves; each shows a run before this one does.
+    The panels in which something moves each show a run before this one does.
     """
 
     def __init__(
