@@ -58,12 +58,7 @@ def match_branches(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the table of branches at each value, and the table of branches.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        Rows of all chains in the order of continuation, with the parameter first.
-    chains : sequence of range
-    rules : AttractorMatcher
+    `rows` of all chains are in the order of continuation, with the parameter first.
     """
     parameter = str(rows.columns[0])
     stretch, origins, jumps = _segments(rows, chains)
@@ -190,25 +185,12 @@ def _summary(table: pd.DataFrame, ends: dict[tuple[str, int], str], parameter: s
 
 @dataclass(frozen=True, kw_only=True)
 class AttractorContinuationStudy(Study):
-    """Each attractor continued upwards, then downwards, from the system's own value.
+    """Each attractor continued upwards, then downwards, from the system's own value."""
 
-    Attributes
-    ----------
-    over : Axis
-        The parameter, and its values in ascending order.
-    names : tuple of str
-        Names of the attractors.
-    states : tuple of State
-        One state of each attractor.
-    measuring : AttractorEvaluator
-        Evaluator of the system at its own value.
-    recognition : AttractorMatcher
-    """
-
-    over: Axis
-    names: tuple[str, ...]
-    states: tuple[State, ...]
-    measuring: AttractorEvaluator
+    over: Axis  # the parameter, and its values in ascending order
+    names: tuple[str, ...]  # of the attractors
+    states: tuple[State, ...]  # one of each attractor
+    measuring: AttractorEvaluator  # of the system at its own value
     recognition: AttractorMatcher
 
     kind: ClassVar[str] = "continue_attractors"

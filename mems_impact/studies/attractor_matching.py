@@ -70,20 +70,11 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, kw_only=True)
 class AttractorMatcher:
-    """Features of motions, and their matching.
-
-    Attributes
-    ----------
-    system : System
-    options : Options
-        Its ``atol / rtol`` is the smallest size that the numerics resolve.
-    distance : float
-        Distance within which two motions are the same, relative to the size of each component.
-    """
+    """Features of motions, and their matching."""
 
     system: HybridSystem
-    options: Options
-    distance: float
+    options: Options  # ``atol / rtol`` is the smallest size that the numerics resolve
+    distance: float  # within which two motions are the same, relative to the size of each component
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -122,14 +113,8 @@ class AttractorMatcher:
 
         Periodic and resting motions are the same if their kinds and periods agree and their
         features are linked by steps within the distance. Unsettled motions are the same if the
-        boxes around their returns intersect.
-
-        Parameters
-        ----------
-        columns : dict of array
-            Features, motions and periods.
-        starts : dict of array
-            Initial states: large initial values limit the resolution of a component.
+        boxes around their returns intersect. `columns` has features, motions and periods; large
+        initial values in `starts` limit the resolution of a component.
         """
         kind = columns[MOTION]
         labels: Integers = np.full(len(kind), -1, dtype=np.int64)
@@ -246,18 +231,10 @@ def match_attractors(
 ) -> NDArray[np.int64]:
     """Return a number for each point, the same for the same attractor; -1 if it has failed.
 
-    A motion that starts close enough to the stable manifold of a saddle stays near the saddle for
-    the whole run. Periodic motions that few points reach are therefore simulated again from
-    perturbed states: if these reach another attractor, the motion is not an attractor, and its
-    points are assigned to that one.
-
-    Parameters
-    ----------
-    table : DataFrame
-    names : sequence of str
-        The components in which initial states differ.
-    rules : AttractorMatcher
-    measuring : AttractorEvaluator
+    Initial states differ in the components `names`. A motion that starts close enough to the stable
+    manifold of a saddle stays near the saddle for the whole run. Periodic motions that few points
+    reach are therefore simulated again from perturbed states: if these reach another attractor, the
+    motion is not an attractor, and its points are assigned to that one.
     """
     system, count = measuring.system, len(table)
     columns = {name: table[name].to_numpy() for name in table}
@@ -308,17 +285,9 @@ def label_points(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the table of points, with the names of their attractors, and of attractors.
 
-    Parameters
-    ----------
-    table : DataFrame
-    labels : array of int
-        Label of each point, from `AttractorMatcher.labels`.
-    motions : sequence of Attractor
-        Results of `continued_motions` for the `representatives`.
-    starts : InitialConditions
-        The bounds of shares depend on whether they are a grid.
-    longest : int
-        Largest detectable number of returns of a periodic motion.
+    `labels` are from `AttractorMatcher.labels`, `motions` from `continued_motions` for the
+    `representatives`. The bounds of shares depend on whether `starts` are a grid; `longest` is the
+    largest detectable number of returns of a periodic motion.
     """
     rows = representatives(table, labels)
     distinct = labels[rows.index]
@@ -355,11 +324,6 @@ def label_partial(table: pd.DataFrame) -> PartialBasins:
     """Return kinds of motions in place of attractors, for the completed points.
 
     Attractors of one kind can be distinguished only when all points are completed.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Table of the completed points.
     """
     kinds = motions(table)
     counts = kinds[kinds != FAILED].value_counts()

@@ -43,39 +43,19 @@ NO_BRANCH = -1
 
 @dataclass
 class Motion:
-    """An attractor at a value of the parameter.
-
-    Attributes
-    ----------
-    value : float
-    attractor : Attractor
-    branch : int
-        Number of its branch, -1 if it lies on none, or none is known yet.
-    """
+    """An attractor at a value of the parameter."""
 
     value: float
     attractor: Attractor
-    branch: int = NO_BRANCH
+    branch: int = NO_BRANCH  # -1 if it lies on none, or none is known yet
 
 
 class AttractorSearch:
     """Search for attractors over a grid of values.
 
-    Each value starts from the last states at its neighbour, upwards and then downwards, and from
-    states in a box.
-
-    Parameters
-    ----------
-    system : System
-    parameter : str
-    grid : sequence of float
-    starts : int
-        Number of states per value.
-    bounds : mapping of str to (float, float)
-        Box of the states; as large as the states that runs visit for those that it omits.
-    initial : sequence of State
-    recurrence : RecurrenceOptions
-    options : Options
+    Each value starts from the last states at its neighbour, upwards and then downwards, and from a
+    number (`starts`) of states in a box. Components without `bounds` have a box as large as the
+    states that runs visit.
     """
 
     def __init__(

@@ -124,14 +124,7 @@ def attractor_schema(
 
 @dataclass(frozen=True, kw_only=True)
 class AttractorEvaluator:
-    """Simulates motions of a system and classifies their attractors.
-
-    Attributes
-    ----------
-    system : System
-    recurrence : RecurrenceOptions
-    options : Options
-    """
+    """Simulates motions of a system and classifies their attractors."""
 
     system: HybridSystem
     recurrence: RecurrenceOptions = field(default_factory=RecurrenceOptions)

@@ -23,45 +23,25 @@ DISTANCES = 12  # perturbations of a fit, at most
 
 
 class BasinEntropy(NamedTuple):
-    """Entropies of basins of attraction on a grid.
+    """Entropies of basins of attraction on a grid of boxes."""
 
-    Attributes
-    ----------
-    basin : float
-        Mean entropy of all boxes, Sb.
-    boundary : float
-        Mean entropy of the boxes with at least two attractors, Sbb; NaN if there is none. Above
-        log 2 the boundary is fractal.
-    boxes, boundary_boxes : int
-        Number of boxes, and of boxes with at least two attractors.
-    """
-
-    basin: float
+    basin: float  # mean entropy of all boxes, Sb
+    # Mean entropy of the boxes with at least two attractors, Sbb; NaN if there is none. Above log 2
+    # the boundary is fractal.
     boundary: float
     boxes: int
-    boundary_boxes: int
+    boundary_boxes: int  # with at least two attractors
 
 
 class UncertaintyExponent(NamedTuple):
-    """Uncertainty exponent of basins of attraction on a grid.
+    """Uncertainty exponent of basins of attraction on a grid."""
 
-    Attributes
-    ----------
-    exponent : float
-        1 for a smooth boundary, near 0 for intermingled basins; NaN if the grid has fewer than two
-        distances with uncertain points. The boundary has the dimension of the grid minus it.
-    error : float
-        Its variation between halves of the range of distances (root mean square).
-    distances : int array
-        Perturbations in grid steps.
-    fractions : float array
-        Fraction of points that are uncertain at each distance.
-    """
-
+    # 1 for a smooth boundary, near 0 for intermingled basins; NaN if the grid has fewer than two
+    # distances with uncertain points. The boundary has the dimension of the grid minus it.
     exponent: float
-    error: float
-    distances: NDArray[np.int64]
-    fractions: Floats
+    error: float  # variation between halves of the range of distances (root mean square)
+    distances: NDArray[np.int64]  # perturbations in grid steps
+    fractions: Floats  # fraction of points that are uncertain at each distance
 
 
 def basin_entropy(grid: NDArray[Any], box: int) -> BasinEntropy:

@@ -81,19 +81,8 @@ STORE_INTERVAL = 30.0  # seconds between two savings of a partial result
 class DiagramBuilder:
     """Construction of a diagram: attractors, their branches, emanating branches, other orbits.
 
-    Parameters
-    ----------
-    search : AttractorSearch
-    bounds : tuple of float
-    depth, longest : int
-    steps : StepControl, optional
-    options : Options
-        For orbits.
-    report : callable, optional
-    store : str or os.PathLike, optional
-        File for partial results.
-    inputs : dict
-        What the result depends on.
+    `options` are for orbits. Partial results go to the file `store`; `inputs` are all that the
+    result depends on.
     """
 
     def __init__(

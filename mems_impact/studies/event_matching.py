@@ -25,17 +25,10 @@ def match_events(
 ) -> NDArray[np.int64]:
     """Return for each recorded event the number of its computed one, or UNMATCHED.
 
-    The assignment with the least price, by dynamic programming. Computed events after the last
-    recorded one are free, as a record ends at any time.
-
-    Parameters
-    ----------
-    recorded, computed : float array
-        Times in ascending order.
-    spacings : float array
-        For each recorded event, the distance that counts as one in the price of a pair.
-    gap : float
-        Price of an event without a partner.
+    The assignment with the least price, by dynamic programming, of ascending times. A distance of
+    `spacings`, one for each recorded event, counts as one in the price of a pair; `gap` is the
+    price of an event without a partner. Computed events after the last recorded one are free, as a
+    record ends at any time.
     """
     m, n = recorded.size, computed.size
     if n >= m and (np.abs(computed[:m] - recorded) < min(gap, 0.5) * spacings).all():

@@ -59,31 +59,16 @@ BEYOND = 3e-2  # standard errors beyond a border
 
 
 class Unknown(NamedTuple):
-    """A free quantity.
+    """A free quantity."""
 
-    Attributes
-    ----------
-    label : str
-        Its name, with the record that it belongs to.
-    name : str
-    owner : int
-        Number of its comparison; -1 for all.
-    start, scale : float
-        First value, and typical size.
-    low, high : float
-    prior : tuple of float
-        Mean and standard error; the error is infinite without a prior.
-    unit : str
-    """
-
-    label: str
+    label: str  # its name, with the record that it belongs to
     name: str
-    owner: int
-    start: float
-    scale: float
+    owner: int  # number of its comparison; -1 for all
+    start: float  # first value
+    scale: float  # typical size
     low: float
     high: float
-    prior: tuple[float, float]
+    prior: tuple[float, float]  # mean and standard error, which is infinite without a prior
     unit: str
 
     @property
@@ -98,34 +83,18 @@ class Unknown(NamedTuple):
 
 
 class Minimum(NamedTuple):
-    """A minimum.
+    """A minimum in s unknowns, for m data."""
 
-    Attributes
-    ----------
-    values : float array, shape (s,)
-    errors : float array, shape (m,)
-        Standard errors of the data.
-    prediction : Prediction
-    parts : list of Prediction
-        The same by comparison.
-    cost : float
-        Sum of squares, of data and priors.
-    converged : bool
-    evaluations : int
-    gap : float
-        Distance that left an event unmatched, in spacings.
-    beyond : float array, shape (m,)
-        The data beyond a border of the sequence of events at which the search ended; nan for none.
-    """
-
-    values: Floats
-    errors: Floats
+    values: Floats  # shape (s,)
+    errors: Floats  # standard errors of the data, shape (m,)
     prediction: Prediction
-    parts: list[Prediction]
-    cost: float
+    parts: list[Prediction]  # the same by comparison
+    cost: float  # sum of squares, of data and priors
     converged: bool
     evaluations: int
-    gap: float
+    gap: float  # distance that left an event unmatched, in spacings
+    # The data beyond a border of the sequence of events at which the search ended, shape (m,); nan
+    # for none.
     beyond: Floats | float = math.nan
 
 

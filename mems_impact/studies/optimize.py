@@ -45,21 +45,12 @@ CLOSEST_APPROACH = "closest approach"
 
 @dataclass(frozen=True)
 class QuantityBounds:
-    """Bounds of a quantity.
-
-    Attributes
-    ----------
-    quantity : Quantity
-    low, high : float
-        Bounds; infinite for none.
-    scale : float
-        Unit in which margins are scaled.
-    """
+    """Bounds of a quantity; infinite for none."""
 
     quantity: Quantity
     low: float
     high: float
-    scale: float
+    scale: float  # unit in which margins are scaled
 
     @property
     def sides(self) -> list[tuple[float, float]]:
@@ -91,12 +82,8 @@ def limits_of(
 ) -> tuple[QuantityBounds, ...]:
     """Return the constraints on an orbit: the given ones, stability, and no penetration.
 
-    A pair of None is no constraint; the quantity is only displayed.
-
-    Raises
-    ------
-    InvalidParameter
-        If a quantity is unknown, or a pair does not consist of ascending numbers or None.
+    A pair of None is no constraint; the quantity is only displayed. Raises InvalidParameter if a
+    quantity is unknown, or a pair does not consist of ascending numbers or None.
     """
     system = orbit.system
     defaults: dict[str, tuple[float | None, float | None]] = {

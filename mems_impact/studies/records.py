@@ -54,28 +54,13 @@ STEP = 1e-4  # of the derivatives of observables, relative to the changes of a s
 
 @dataclass(frozen=True)
 class Conditions:
-    """The conditions under which `fit` simulates.
+    """The conditions under which `fit` simulates."""
 
-    Attributes
-    ----------
-    model : HybridSystem or object
-        A system, or a model with a method ``under(drive)`` that returns one.
-    drive : object
-        Drive of the records without one.
-    initial : State or mapping of str to float
-        None for the initial state of the system.
-    transient : int
-        Forcing periods before a measurement; None for the default of its class.
-    periods : int
-        Forcing periods of statistics.
-    options : Options
-    """
-
-    model: Any
-    drive: Any
-    initial: State | Mapping[str, float] | None
-    transient: int | None
-    periods: int
+    model: Any  # a system, or a model with a method ``under(drive)`` that returns one
+    drive: Any  # of the records without one
+    initial: State | Mapping[str, float] | None  # None for the system's own
+    transient: int | None  # forcing periods before a measurement; None for the default of its class
+    periods: int  # forcing periods of statistics
     options: Options
 
     def system(self, drive: Any) -> HybridSystem:
@@ -90,47 +75,22 @@ class Conditions:
 
 
 class Prediction(NamedTuple):
-    """Computed data.
+    """Computed data."""
 
-    Attributes
-    ----------
-    values : float array, shape (m,)
-        nan where an event is unmatched.
-    jacobian : float array, shape (m, s)
-    surplus : mapping of str to int
-        Computed events without a recorded one, by name.
-    """
-
-    values: Floats
-    jacobian: Floats
-    surplus: Mapping[str, int] = {}
+    values: Floats  # shape (m,), nan where an event is unmatched
+    jacobian: Floats  # shape (m, s)
+    surplus: Mapping[str, int] = {}  # computed events without a recorded one, by name
 
 
 class Comparison(ABC):
-    """Measured data beside those that a system gives.
+    """Measured data beside those that a system gives."""
 
-    Attributes
-    ----------
-    name : str
-        Of the record; "" of a single one.
-    own : tuple of str
-        Free quantities that belong to this record alone.
-    table : DataFrame
-        One row per datum: record, quantity, t, measured.
-    errors : float array, shape (m,)
-        Standard errors; nan where unknown.
-    weights : float array, shape (m,)
-        Relative to other data of the same quantity with unknown errors.
-    spreads : float array, shape (m,)
-        Sizes of the changes of each datum.
-    """
-
-    name: str
-    own: tuple[str, ...] = ()
-    table: pd.DataFrame
-    errors: Floats
-    weights: Floats
-    spreads: Floats
+    name: str  # of the record; "" of a single one
+    own: tuple[str, ...] = ()  # free quantities that belong to this record alone
+    table: pd.DataFrame  # one row per datum: record, quantity, t, measured
+    errors: Floats  # standard errors, shape (m,); nan where unknown
+    weights: Floats  # shape (m,), relative to other data of the same quantity with unknown errors
+    spreads: Floats  # sizes of the changes of each datum, shape (m,)
 
     @abstractmethod
     def start(self, name: str) -> float | None:
@@ -344,19 +304,11 @@ def table_of(field: str, data: Any, columns: Mapping[str, str] | None = None) ->
 
 
 class Block(NamedTuple):
-    """The data of one column of a record.
+    """The data of one column of a record."""
 
-    Attributes
-    ----------
-    field : {"samples", "events"}
-    column : str
-    rows : slice
-        Of the comparison.
-    """
-
-    field: str
+    field: str  # "samples" or "events"
     column: str
-    rows: slice
+    rows: slice  # of the comparison
 
 
 class RecordComparison(Comparison):

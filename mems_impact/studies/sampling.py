@@ -70,10 +70,8 @@ def axis(
 ) -> Axis:
     """Return an axis from a pair of name and values, which may be texts with units.
 
-    Raises
-    ------
-    InvalidParameter
-        If it is not a pair, the name is unknown, or the values are not distinct numbers.
+    Raises InvalidParameter if it is not a pair, the name is unknown, or the values are not distinct
+    numbers.
     """
     allowed = 'a name and its values: ("amplitude", [0.2, 0.21])'
     try:
@@ -126,19 +124,10 @@ def check_sample(samples: Any, sampling: Any, seed: Any) -> int:
 
 
 def unit_sample(n: int, dimensions: int, sampling: str, seed: int) -> Floats:
-    """Return points of the unit cube.
+    """Return points in the open unit cube, shape (n, dimensions).
 
-    Parameters
-    ----------
-    n, dimensions : int
-    sampling : {"sobol", "lhs", "random"}
-        Sobol's sequence, scrambled; a Latin hypercube; independent points.
-    seed : int
-
-    Returns
-    -------
-    array, shape (n, dimensions)
-        In (0, 1).
+    `sampling` is "sobol", Sobol's sequence, scrambled; "lhs", a Latin hypercube; or "random",
+    independent points.
     """
     generator = np.random.default_rng(seed)
     from scipy.stats import qmc  # imported on first use, since it is slow
@@ -273,28 +262,14 @@ FIRST, SECOND = "A", "B"  # the two samples for Sobol' indices
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ParameterSample:
-    """A sample of parameters.
+    """A sample of parameters."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the sampled quantities.
-    values : float array, shape (points, names)
-    parameters : tuple of str
-        The parameters of the system computed from the sample.
-    parameter_values : float array, shape (points, parameters)
-    blocks : tuple of str
-        Sample of each block of points; one block without indices.
-    identity : dict
-        Inputs of the sample, for comparison.
-    """
-
-    names: tuple[str, ...]
-    values: Floats
-    parameters: tuple[str, ...]
-    parameter_values: Floats
-    blocks: tuple[str, ...]
-    identity: dict[str, Any]
+    names: tuple[str, ...]  # of the sampled quantities
+    values: Floats  # shape (points, names)
+    parameters: tuple[str, ...]  # those of the system, computed from the sample
+    parameter_values: Floats  # shape (points, parameters)
+    blocks: tuple[str, ...]  # sample of each block of points; one block without indices
+    identity: dict[str, Any]  # inputs of the sample, for comparison
 
 
 def distributions(over: Any, system: HybridSystem) -> dict[str, Any]:
@@ -338,20 +313,10 @@ def draw(
 ) -> ParameterSample:
     """Draw sample points.
 
-    Parameters
-    ----------
-    system : System
-    over : mapping of str to distribution
-    making : callable, optional
-        Function of the sampled quantities by name that returns parameters by name; by default the
-        sampled quantities are parameters.
-    samples : int
-        Number of points of a sample.
-    sampling : {"sobol", "lhs", "random"}
-    seed : int
-    indices : bool
-        Whether to draw two samples and, for every quantity, a copy of the first with this quantity
-        from the second (Saltelli et al., *Computer Physics Communications* 181, 259, 2010).
+    `making` takes the sampled quantities by name and returns parameters by name; by default the
+    sampled quantities are parameters. For `indices`, two samples of `samples` points are drawn and,
+    for every quantity, a copy of the first with this quantity from the second (Saltelli et al.,
+    *Computer Physics Communications* 181, 259, 2010).
     """
     names, count = tuple(over), len(over)
     unit = unit_sample(samples, 2 * count if indices else count, sampling, seed)
@@ -390,10 +355,7 @@ def draw(
 def matrices(draws: ParameterSample, values: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the values of quantities at the two samples and at the mixed samples.
 
-    Returns
-    -------
-    first, second : array, shape (quantities, n)
-    between : array, shape (drawn, quantities, n)
+    Their shapes are (quantities, n), twice, and (drawn, quantities, n).
     """
     blocks = np.stack(np.split(values.T, len(draws.blocks), axis=1))
     return blocks[0], blocks[1], blocks[2:]
@@ -489,20 +451,11 @@ class Grid:
 
 @dataclass(frozen=True)
 class Sample:
-    """A uniform sample of a box.
+    """A uniform sample of a box."""
 
-    Attributes
-    ----------
-    box : tuple of (str, float, float)
-        Components of the state, each with its bounds.
-    n : int
-    sampling : {"random", "sobol", "lhs"}
-    seed : int
-    """
-
-    box: tuple[tuple[str, float, float], ...]
+    box: tuple[tuple[str, float, float], ...]  # components of the state, each with its bounds
     n: int
-    sampling: str
+    sampling: str  # "random", "sobol" or "lhs"
     seed: int
 
     @property

@@ -51,24 +51,10 @@ SINGULAR_RTOL = 1e-12  # least singular value of a regular Jacobian, relative to
 class TangentOrbit:
     """The orbits of the same signature near `orbit`, for nearby values of one parameter.
 
-    By the shooting equations F(u, p) = 0 their unknowns have the derivative
-    du/dp = -(dF/du)^-1 dF/dp; other derivatives follow from the variational equations.
-
-    Parameters
-    ----------
-    orbit : PeriodicOrbit
-    parameter : str
-        A parameter of the orbit's family.
-
-    Attributes
-    ----------
-    growth : float
-        Relative change of the unknowns by the parameter.
-
-    Raises
-    ------
-    OrbitError
-        If the orbit is at a fold, where it has no derivative.
+    By the shooting equations F(u, p) = 0 their unknowns have the derivative du/dp = -(dF/du)^-1
+    dF/dp; other derivatives follow from the variational equations. `growth` is the relative change
+    of the unknowns by the parameter. Raises OrbitError if the orbit is at a fold, where it has no
+    derivative.
     """
 
     def __init__(self, orbit: PeriodicOrbit, parameter: str) -> None:
@@ -117,13 +103,7 @@ class TangentOrbit:
         )
 
     def solved(self, step: float) -> PeriodicOrbit:
-        """Return the orbit at a parameter larger by `step`, admissible or not.
-
-        Raises
-        ------
-        OrbitError
-            If no orbit is found there.
-        """
+        """Return the orbit at a parameter larger by `step`, admissible or not; else OrbitError."""
         guess = self._point.unknowns + step * self._rate
         return make_orbit(
             self._shooting, solve(self._shooting, guess, np.array([self._value + step]))
@@ -180,29 +160,13 @@ DERIVATIVE_ROUNDING = np.array([1e-10, 1e-8])
 def derivatives(
     orbit: Orbit, quantities: Sequence[Quantity], parameters: Sequence[str]
 ) -> tuple[Floats, Floats]:
-    """Return the values of quantities, and their derivatives by parameters.
+    """Return the values of quantities, and their derivatives by parameters, in the system's units.
 
-    The derivatives of the orbit follow from the variational equations. The derivative of a
-    quantity, a function of an orbit, is that along the first-order approximation of the orbit, by
-    central differences of sixth order. Quantities that require solved orbits are differentiated
-    along corrected ones.
-
-    Parameters
-    ----------
-    orbit : Orbit
-    quantities : sequence of Quantity
-    parameters : sequence of str
-
-    Returns
-    -------
-    values : float array, shape (quantities,)
-    derivatives : float array, shape (quantities, parameters)
-        In the units of the system.
-
-    Raises
-    ------
-    OrbitError
-        If the orbit is at a fold, or no neighbouring orbits are found.
+    The derivatives, shape (quantities, parameters), of the orbit follow from the variational
+    equations. The derivative of a quantity, a function of an orbit, is that along the first-order
+    approximation of the orbit, by central differences of sixth order. Quantities that require
+    solved orbits are differentiated along corrected ones. Raises OrbitError if the orbit is at a
+    fold, or no neighbouring orbits are found.
     """
     values = np.array([each(orbit) for each in quantities])
     result = np.zeros((len(quantities), len(parameters)))
@@ -259,10 +223,7 @@ def chosen_quantities(
 ) -> tuple[Quantity, ...]:
     """Return the quantities of a system by name; all but costly ones by default.
 
-    Raises
-    ------
-    InvalidParameter
-        If a name is unknown or repeated.
+    Raises InvalidParameter if a name is unknown or repeated.
     """
     available = {each.name: each for each in system.statistics.orbit_quantities}
     if selection is None:
@@ -325,18 +286,8 @@ def continue_to(orbit: Orbit, values: Mapping[str, float]) -> Orbit:
     """Return the orbit at other parameters, by one step or by continuation along a straight line.
 
     Along the line, events may move to another forcing period, or change their order. The
-    continuation ends at a grazing, at a fold, or at a loss of stability.
-
-    Parameters
-    ----------
-    orbit : Orbit
-    values : mapping of str to float
-        Values in the units of the system.
-
-    Raises
-    ------
-    OrbitError
-        If the continuation ends before; `reason` names the bifurcation.
+    continuation ends at a grazing, at a fold, or at a loss of stability: an OrbitError, whose
+    `reason` names the bifurcation.
     """
     system, start = orbit.system, orbit.numeric
     target = {name: system.units.into(name, value) for name, value in values.items()}

@@ -22,12 +22,8 @@ def nearest_within(
 ) -> tuple[Floats, Floats] | None:
     """Return the point nearest to another one on this side of a border, and its outer normal.
 
-    Parameters
-    ----------
-    inside : callable
-        Whether a point is on this side, as the origin is.
-    wanted : float array, shape (n,)
-        A point on the other side; None is returned where there is no border on the way to it.
+    `inside` says whether a point, shape (n,), is on this side, as the origin is; `wanted` is on the
+    other. None where there is no border on the way to it.
     """
     size = float(np.linalg.norm(wanted))
     behind = (-BACK * 0.5**i * wanted for i in range(HALVINGS))

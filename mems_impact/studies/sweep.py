@@ -59,27 +59,14 @@ TEXT = (sweep_tables.DIRECTION, STATUS)
 
 @dataclass(frozen=True, kw_only=True)
 class SweepStudy(Study):
-    """The values of a parameter, once in each direction.
-
-    Attributes
-    ----------
-    system : System
-    parameter : str
-    values : tuple of float
-        Ascending.
-    starts : mapping of str to State
-        Initial state of each direction, "up" or "down".
-    transient, length : float
-        Length of transient and measurement at each value, in forcing periods, or in time for an
-        autonomous system.
-    section : int
-    options : Options
-    """
+    """The values of a parameter, once in each direction."""
 
     system: HybridSystem
     parameter: str
-    values: tuple[float, ...]
-    starts: Mapping[str, State]
+    values: tuple[float, ...]  # ascending
+    starts: Mapping[str, State]  # initial state of each direction, "up" or "down"
+    # Lengths of transient and measurement at each value, in forcing periods, or in time for an
+    # autonomous system.
     transient: float
     length: float
     section: int

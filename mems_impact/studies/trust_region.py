@@ -36,23 +36,13 @@ EQUAL_PIECES_RATIO = 1e-3  # difference of pieces at an edge, relative to the pr
 
 @dataclass(frozen=True, eq=False)
 class LocalModel:
-    """The functions at one point of the unit box.
+    """The functions at one point of the unit box."""
 
-    Attributes
-    ----------
-    value, gradient
-        Objective and its gradient; float, float array of shape (n,).
-    margins, by_margin
-        Margins of the constraints, >= 0 if satisfied, and their gradients; shapes (m,), (m, n).
-    piece
-        Identifier of the smooth piece; hashable.
-    """
-
-    value: float
+    value: float  # objective, with its gradient of shape (n,)
     gradient: Floats
-    margins: Floats
-    by_margin: Floats
-    piece: Hashable = None
+    margins: Floats  # of the constraints, >= 0 if satisfied, shape (m,)
+    by_margin: Floats  # their gradients, shape (m, n)
+    piece: Hashable = None  # identifier of the smooth piece
 
     def merit(self, penalty: float) -> float:
         """Return the value plus a penalty for violated constraints."""
@@ -69,29 +59,16 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Iterate(Generic[T]):
-    """A point of a search.
-
-    Attributes
-    ----------
-    x : float array, shape (n,)
-    item : object
-        Object at this point.
-    local : LocalModel
-    ended : str
-        "converged", "lost" (points beyond cannot be evaluated), "small" (steps are at the level of
-        rounding), "spent" (the iterations are exhausted); "" before the end.
-    lost : str
-        Reason of the last failed evaluation.
-    edge : tuple of object
-        Objects at points of other pieces, if the end is on an edge.
-    """
+    """A point of a search."""
 
     x: Floats
-    item: T
+    item: T  # object at this point
     local: LocalModel
+    # "converged", "lost" (points beyond cannot be evaluated), "small" (steps are at the level of
+    # rounding), "spent" (the iterations are exhausted); "" before the end
     ended: str = ""
-    lost: str = ""
-    edge: tuple[T, ...] = ()
+    lost: str = ""  # reason of the last failed evaluation
+    edge: tuple[T, ...] = ()  # objects at points of other pieces, if the end is on an edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,25 +114,10 @@ def search(
     report: Callable[[Iterate[T]], None],
     iterations: int,
 ) -> Iterate[T]:
-    """Minimize within the unit box, starting from `start`.
+    """Minimize within the unit box, by at most `iterations` trials from `start` and its object.
 
-    Parameters
-    ----------
-    start : float array, shape (n,)
-    item : object
-        Object at `start`.
-    move : callable
-        ``move(item, x)`` returns the object at another point, or raises `OrbitError`.
-    look : callable
-        ``look(item)`` returns the functions there, or raises `OrbitError`.
-    report : callable
-        Called with every accepted point, including the first.
-    iterations : int
-        Maximum number of trials.
-
-    Returns
-    -------
-    Iterate
+    ``move(item, x)`` returns the object at another point, ``look(item)`` the functions there; both
+    may raise OrbitError. `report` is called with every accepted point, including the first.
     """
     current = Iterate(start, item, look(item))
     report(current)

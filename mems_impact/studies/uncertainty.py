@@ -63,19 +63,8 @@ def indices_table(
 ) -> pd.DataFrame:
     """Return first-order and total indices, each with an interval.
 
-    Parameters
-    ----------
-    draws : ParameterSample
-        Draws that include the samples for indices.
-    quantities : sequence of str
-    values : float array, shape (points, quantities)
-    seed : int
-        Seed of the bootstrap.
-
-    Returns
-    -------
-    DataFrame
-        See `mems_impact.tolerance_analysis`.
+    The table is described in `mems_impact.tolerance_analysis`. The draws include the samples for
+    indices; `values` has the shape (points, quantities), `seed` is that of the bootstrap.
     """
     missing = np.isnan(values).sum(axis=0)
     complete = missing == 0
@@ -132,19 +121,9 @@ ALL = "all"  # name of the last row of yields
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """Points with sampled parameters: those of a tolerance analysis, or the finished ones.
+    """Points with sampled parameters: those of a tolerance analysis, or the finished ones."""
 
-    Attributes
-    ----------
-    drawn : tuple of str
-        Names of the sampled quantities.
-    specification : dict of str to (float, float)
-    table : DataFrame
-        One row per point.
-    indices : DataFrame or None
-    """
-
-    drawn: tuple[str, ...]
+    drawn: tuple[str, ...]  # names of the sampled quantities
     table: pd.DataFrame = field(repr=False)
     specification: dict[str, tuple[float, float]] = field(repr=False, default_factory=dict)
     indices: pd.DataFrame | None = field(repr=False, default=None)

@@ -207,20 +207,10 @@ def verb_arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[st
 def arguments_from(
     verb: Callable[..., Any], table: Mapping[str, Any], folder: Path
 ) -> dict[str, Any]:
-    """Return the arguments of a verb from a table.
+    """Return the arguments of a verb from a table of TOML values by name.
 
-    Parameters
-    ----------
-    verb : callable
-    table : mapping
-        Arguments by name, in values of TOML.
-    folder : Path
-        Base of relative paths.
-
-    Raises
-    ------
-    InvalidParameter
-        If an argument is unknown, missing or of the wrong kind.
+    Relative paths start at `folder`. Raises InvalidParameter if an argument is unknown, missing or
+    of the wrong kind.
     """
     parameters = dict(islice(inspect.signature(verb).parameters.items(), 1, None))
     for name in table:

@@ -91,12 +91,7 @@ QUERY_INTERVAL_SECONDS = 2.0  # s between two queries of the number of workers o
 
 
 class ExecutorLost(Exception):
-    """All workers are lost and cannot be replaced.
-
-    Parameters
-    ----------
-    reason, remedy : str
-    """
+    """All workers are lost and cannot be replaced."""
 
     def __init__(self, reason: str, remedy: str = "") -> None:
         super().__init__(reason)
@@ -121,16 +116,11 @@ def killed_by_its_chunk(error: BaseException) -> bool:
 
 
 class WorkerPool:
-    """Workers that compute parts of a study.
+    """Workers that compute parts of a study; own threads by default, as many as are available.
 
-    Parameters
-    ----------
-    study : Study
-    executor : Executor or callable, optional
-        An executor, which the pool does not shut down; or a function that makes one, which the pool
-        shuts down, and replaces if its workers die. Own threads by default.
-    workers : int, optional
-        Number of threads, or of workers of the executor; all available ones by default.
+    An executor is not shut down. A function that makes an executor is called again if its workers
+    die, and the pool shuts the executor down. `workers` is the number of threads, or of workers of
+    the executor.
     """
 
     def __init__(self, study: Study, executor: Executor | Maker | None, workers: int | None):

@@ -52,46 +52,21 @@ def run_study(
     progress: Progress = False,
     chunk: int | None = None,
 ) -> pd.DataFrame:
-    """Compute all points of a study. The numbers depend on `study` only.
+    """Compute all points of a study, as rows in their order. The numbers depend on `study` only.
 
-    Parameters
-    ----------
-    study : Study
-    store : str or os.PathLike, optional
-        A directory for completed chunks, from which a study that was interrupted or killed
-        continues. It requires pyarrow.
-    executor : concurrent.futures.Executor or callable, optional
-        Threads by default. A function that makes an executor is called again if its workers die.
-    workers : int, optional
-        Number of threads; with an executor, its number of workers, if it does not provide it.
-    progress : bool or callable, optional
-        Show the progress: a bar on a terminal, else a line every 10 % or 30 s. A function is
-        called several times a second with the points done.
-    chunk : int, optional
-        Number of points computed together. A store keeps the size of its chunks.
+    A directory `store`, which requires pyarrow, keeps completed chunks, from which an interrupted
+    or killed study continues; it keeps the size of its chunks. A function that makes an executor is
+    called again if its workers die; `workers` is the number of workers of an executor that does not
+    provide it. `progress` is as in `progress_bar`; a function is called several times a second with
+    the points done.
 
-    Returns
-    -------
-    DataFrame
-        The rows of the points in order. A failed point has its reason in ``status``.
-
-    Raises
-    ------
-    InvalidParameter
-        If an argument is out of range, or pyarrow is missing.
-    InvalidFile, FileNotWritten
-        If the store belongs to another study, is in use or damaged, or cannot be written.
-    Interrupted
-        At once on Ctrl-C; ``partial`` is the table of the completed chunks.
-    WorkersLost
-        If the workers died and cannot be replaced; ``partial`` is the table of the completed
-        chunks.
-
-    Notes
-    -----
-    A chunk whose worker dies is computed again, finally without others beside it. After three
-    deaths of workers its points become failed rows. Any other exception of a point is raised
-    unchanged, with the completed table as its attribute ``partial``.
+    A failed point has its reason in ``status``. A chunk whose worker dies is computed again,
+    finally without others beside it; after three deaths of workers its points become failed rows.
+    Any other exception of a point is raised unchanged, with the completed table as its attribute
+    ``partial``, as are Interrupted, at once on Ctrl-C, and WorkersLost, if the workers cannot be
+    replaced. Raises InvalidParameter if an argument is out of range or pyarrow is missing;
+    InvalidFile or FileNotWritten if the store belongs to another study, is in use or damaged, or
+    cannot be written.
     """
     crew = WorkerPool(study, executor, None if workers is None else whole("workers", workers, 1))
     size = _default(study, workers) if chunk is None else whole("chunk", chunk, 1)

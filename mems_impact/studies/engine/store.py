@@ -71,13 +71,7 @@ _NONE = "nothing"
 
 
 def difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """Describe the difference of two descriptions, with both values; empty if they are equal.
-
-    Parameters
-    ----------
-    there, here : mapping of str to JSON value
-        The stored and the requested description.
-    """
+    """Describe how a stored description differs from the requested one; "" if they are equal."""
     there, here = json_value(dict(there)), json_value(dict(here))
     names = _differing(there, here)
     if not names:
@@ -124,23 +118,9 @@ def _text(value: Any) -> str:
 
 
 class ChunkStore(ABC):
-    """Store of completed chunks.
+    """Store of completed chunks, of `chunk` points each.
 
-    Parameters
-    ----------
-    study : Study
-    chunk : int
-        Number of points of a part.
-
-    Attributes
-    ----------
-    parts : list of Chunk
-    schema : mapping of str to str
-        That of the study.
-    done : int
-        Number of points of stored chunks.
-    failed : int
-        Number of failed points among the completed points.
+    `done` counts the points of stored chunks, `failed` the failed ones among them.
     """
 
     def __init__(self, study: Study, chunk: int) -> None:
@@ -248,12 +228,7 @@ def locked(path: Path) -> Iterator[bool]:
     """Hold the lock file `path` in the block; yield False if the file system has no locks.
 
     The operating system releases the lock of a killed process, even while forked workers are still
-    running.
-
-    Raises
-    ------
-    InvalidFile
-        If another process holds it, or it cannot be written.
+    running. Raises InvalidFile if another process holds it, or it cannot be written.
     """
     real = Path(os.path.realpath(path))
     try:
@@ -322,14 +297,7 @@ class DamagedChunk(InvalidFile):
 
 
 class ChunkFiles:
-    """Files of the chunks of one study.
-
-    Parameters
-    ----------
-    directory : Path
-    manifest : mapping
-        Content of ``study.json``.
-    """
+    """Files of the chunks of one study, whose manifest is the content of ``study.json``."""
 
     def __init__(self, directory: Path, manifest: Mapping[str, Any]) -> None:
         self.directory, self.schema = directory, manifest["schema"]
@@ -405,12 +373,8 @@ class ChunkFiles:
         """Return the metadata of a part; None if its file is missing or damaged.
 
         The points of a file that was truncated, for example by a crash of the machine, are computed
-        again.
-
-        Raises
-        ------
-        InvalidFile
-            If the file cannot be read, or is the chunk of another study or of other points.
+        again. Raises InvalidFile if the file cannot be read, or is the chunk of another study or of
+        other points.
         """
         try:
             with self._opened(part, missing=None) as (_, metadata):
@@ -471,14 +435,9 @@ def open_store(
 ) -> Iterator[DirectoryStore]:
     """Yield the store of a study in a directory, which is created if missing.
 
-    Raises
-    ------
-    InvalidParameter
-        If pyarrow is not installed.
-    InvalidFile
-        If the directory holds another study or something else, cannot be written to, or is in use.
-    FileNotWritten
-        If it cannot be written for another reason: the disk is full, for example.
+    Raises InvalidParameter if pyarrow is not installed; InvalidFile if the directory holds another
+    study or something else, cannot be written to, or is in use; FileNotWritten if it cannot be
+    written for another reason, such as a full disk.
     """
     check()
     folder = Path(file_path(directory, "the path of a directory", "store"))
@@ -499,15 +458,7 @@ def open_store(
 
 
 class DirectoryStore(ChunkStore):
-    """Chunks in a directory.
-
-    Parameters
-    ----------
-    directory : Path
-    study : Study
-    manifest : mapping
-        Content of ``study.json``, which determines the chunks.
-    """
+    """Chunks in a directory, determined by the manifest: the content of ``study.json``."""
 
     def __init__(self, directory: Path, study: Study, manifest: Mapping[str, Any]) -> None:
         super().__init__(study, manifest["chunk"])
@@ -544,10 +495,7 @@ def manifest_of(
 ) -> dict[str, Any]:
     """Return the content of ``study.json``.
 
-    Raises
-    ------
-    InvalidFile
-        If it is missing or has another format.
+    Raises InvalidFile if it is missing or has another format.
     """
     try:
         with opened(directory / MANIFEST, remedy) as file:

@@ -100,24 +100,13 @@ class Study(ABC):
         carried: Any = None,
         watch: Callable[[float], None] | None = None,
     ) -> tuple[Columns, Any]:
-        """Compute the points `first` to `last` - 1.
+        """Compute the points `first` to `last` - 1: columns of `schema`, and data to carry.
 
-        Parameters
-        ----------
-        first, last : int
-        carried : JSON value
-            For a chain, the data returned by the previous part; None for the first.
-        watch : callable, optional
-            Called several times a second with the points done so far; an exception that it raises
-            ends the work.
-
-        Returns
-        -------
-        columns : dict of array
-            Those of `schema`: the rows of each point, one or several, in the order of the points.
-            A failed point is one row with its reason in `STATUS` and NaN for unknown values.
-        carried : JSON value
-            Data for the next part of the chain; None without chains.
+        The columns have the rows of each point, one or several, in the order of the points; a
+        failed point is one row with its reason in `STATUS` and NaN for unknown values. In a chain,
+        `carried` is the JSON value that the previous part returned, None for the first; None
+        without chains. `watch` is called several times a second with the points done so far; an
+        exception that it raises ends the work.
         """
 
     def point_label(self, number: int) -> str:
@@ -188,15 +177,9 @@ class Chunk(NamedTuple):
 
 
 def layout(points: int, chains: Sequence[range], chunk: int) -> list[Chunk]:
-    """Return the parts of a study in the order of its points.
+    """Return the parts of a study in the order of its points; without chains these are independent.
 
-    Parameters
-    ----------
-    points : int
-    chains : sequence of range
-        Chains of the study; none if its points are independent.
-    chunk : int
-        Number of points of a part; the last part, also of each chain, may have fewer.
+    The last part, also of each chain, may have fewer than `chunk` points.
     """
     return list(_parts(chains or (range(points),), chunk, follow=bool(chains)))
 
