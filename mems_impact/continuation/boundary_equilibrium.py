@@ -34,33 +34,21 @@ MIN_REGULARITY = 1e-7  # least singular value of a Jacobian, relative to the lar
 
 @dataclass(frozen=True)
 class BoundaryCrossing:
-    """The two branches of equilibria that meet at a boundary equilibrium.
+    """The two branches of equilibria that meet at a boundary equilibrium."""
 
-    Attributes
-    ----------
-    type : str
-        "persistence" or "nonsmooth fold".
-    other : EquilibriumState
-        The equilibrium in the other mode.
-    guards : tuple of int
-        The guards whose margins are zero, in the mode of the branch and in the other mode.
-    slopes : tuple of float
-        Derivatives of these margins by the parameter, each along its branch.
-    """
-
-    type: str
-    other: EquilibriumState
+    type: str  # "persistence" or "nonsmooth fold"
+    other: EquilibriumState  # the equilibrium in the other mode
+    # Those with zero margins, in the mode of the branch and in the other mode.
     guards: tuple[int, int]
+    # Derivatives of these margins by the parameter, each along its branch.
     slopes: tuple[float, float]
 
 
 def boundary_crossing(event: EquilibriumEvent, parameter: str) -> BoundaryCrossing:
     """Classify a boundary equilibrium of a branch over a parameter.
 
-    Raises
-    ------
-    OrbitError
-        If no other mode has an equilibrium there, or one of the two branches is singular.
+    Raises OrbitError if no other mode has an equilibrium there, or one of the two branches is
+    singular.
     """
     state = event.solution
     equations = EquilibriumEquations(state.family, state.mode, (parameter,))

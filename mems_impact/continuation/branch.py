@@ -34,79 +34,46 @@ N = TypeVar("N", bound=PeriodicOrbit | EquilibriumState)
 
 @dataclass(frozen=True)
 class BranchPoint(Generic[N]):
-    """One solution on a branch.
-
-    Attributes
-    ----------
-    solution : PeriodicOrbit or EquilibriumState
-    value : float
-        Of the parameter.
-    direction : float array
-        Tangent.
-    piece : int
-        Number of the signature on a branch of orbits, counted from 0.
-    """
+    """One solution on a branch, at a value of the parameter, with its tangent."""
 
     solution: N
     value: float
     direction: Floats = field(repr=False)
-    piece: int = 0
+    piece: int = 0  # number of the signature on a branch of orbits, counted from 0
 
 
 @dataclass(frozen=True)
 class BranchEvent(Generic[N]):
     """A located special point of a branch.
 
-    Attributes
-    ----------
-    kind : str
-        "grazing", "fold", "period-doubling", "Neimark-Sacker", "Hopf", "branch point" (another
-        branch crosses), "onset of complete chatter", "boundary equilibrium" (a margin is zero, and
-        the equilibrium is virtual beyond), "unexplained" (a change of stability), or the name of
-        the guard whose margin is zero.
-    label : str
-        G, CF and PD as in the paper; NS, BP, CC, ?; of equilibria LP, H, BP, BE, ?; else the kind.
-    value : float
-        Of the parameter.
-    solution : PeriodicOrbit or EquilibriumState
-    direction : float array
-        Tangent of the branch.
-    monitor : TestFunction, optional
-        The test function of orbits that is zero.
-    guard : str
-        The guard of a boundary equilibrium, else empty.
+    `kind` is "grazing", "fold", "period-doubling", "Neimark-Sacker", "Hopf", "branch point"
+    (another branch crosses), "onset of complete chatter", "boundary equilibrium" (a margin is zero,
+    and the equilibrium is virtual beyond), "unexplained" (a change of stability), or the name of
+    the guard whose margin is zero.
     """
 
     kind: str
+    # G, CF and PD as in the paper; NS, BP, CC, ?; of equilibria LP, H, BP, BE, ?; else the kind.
     label: str
     value: float
     solution: N = field(repr=False)
-    direction: Floats = field(repr=False)
+    direction: Floats = field(repr=False)  # tangent of the branch
+    # The test function of orbits that is zero.
     monitor: TestFunction = field(repr=False, default=None)  # type: ignore[assignment]
-    guard: str = ""
+    guard: str = ""  # the guard of a boundary equilibrium, else empty
 
 
 @dataclass
 class SolutionBranch(Generic[N]):
-    """A branch in one parameter.
-
-    Attributes
-    ----------
-    parameter : str
-    points : list of BranchPoint
-    special_points : list of BranchEvent
-    ended : str
-        Reason for the end of the branch.
-    passage : SlowPassage, optional
-        Slow passage of the last limit cycle, if the period grows beyond bounds.
-    """
+    """A branch in one parameter."""
 
     noun: ClassVar[str] = "orbits"
 
     parameter: str
     points: list[BranchPoint[N]] = field(default_factory=list)
     special_points: list[BranchEvent[N]] = field(default_factory=list)
-    ended: str = ""
+    ended: str = ""  # reason for the end of the branch
+    # Slow passage of the last limit cycle, if the period grows beyond bounds.
     passage: SlowPassage | None = None
 
     @property
@@ -138,15 +105,7 @@ class SolutionBranch(Generic[N]):
 
 @dataclass(frozen=True)
 class CurveEvent(Generic[N]):
-    """A codimension-two point of a curve.
-
-    Attributes
-    ----------
-    kind : str
-    values : tuple of float
-        Of the two parameters.
-    solution : PeriodicOrbit or EquilibriumState
-    """
+    """A codimension-two point of a curve, at values of the two parameters."""
 
     kind: str
     values: tuple[float, float]
@@ -155,22 +114,7 @@ class CurveEvent(Generic[N]):
 
 @dataclass
 class SolutionCurve(Generic[N]):
-    """A curve of special points in two parameters.
-
-    Attributes
-    ----------
-    kind : str
-        Kind of the special points.
-    parameters : tuple of str
-    points : list of PeriodicOrbit or EquilibriumState
-    special_points : list of CurveEvent
-    ended : str
-        Reason for the end of the curve.
-    bounds : tuple of float
-        Bounds of the first parameter, of a branch through the curve.
-    guard : str
-        The guard of boundary equilibria, else empty.
-    """
+    """A curve of special points of one kind in two parameters."""
 
     noun: ClassVar[str] = "orbits"
 
@@ -178,9 +122,10 @@ class SolutionCurve(Generic[N]):
     parameters: tuple[str, str]
     points: list[N] = field(default_factory=list)
     special_points: list[CurveEvent[N]] = field(default_factory=list)
-    ended: str = ""
+    ended: str = ""  # reason for the end of the curve
+    # Bounds of the first parameter, of a branch through the curve.
     bounds: tuple[float, float] = (-float("inf"), float("inf"))
-    guard: str = ""
+    guard: str = ""  # the guard of boundary equilibria, else empty
 
     @property
     def solutions(self) -> list[N]:

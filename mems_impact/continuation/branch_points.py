@@ -42,7 +42,7 @@ def regularity(point: Linearized, direction: Floats) -> float:
 
 
 class BranchPoints(Generic[P]):
-    """Branch points of a branch.
+    """Branch points of a branch, of equations with one active parameter.
 
     At a branch point the derivatives F_x of the equations by unknowns and parameter are rank
     deficient. With the bordered system ``w F_x + g V = 0`` and ``w b = 1``, the two numbers g are
@@ -52,11 +52,6 @@ class BranchPoints(Generic[P]):
     An error of the equations unfolds the crossing and separates the branches, at a pitchfork by a
     distance proportional to its cube root. The solution has this error as beta, and its point is
     the branch of the equations without the error.
-
-    Parameters
-    ----------
-    equations : Shooting or EquilibriumEquations
-        With one active parameter.
     """
 
     def __init__(self, equations: Solvable[P]) -> None:
@@ -68,17 +63,8 @@ class BranchPoints(Generic[P]):
     ) -> tuple[float, P]:
         """Return the position of a branch point in a step, and the point.
 
-        Parameters
-        ----------
-        step : PredictorStep
-        length : float
-        first, last : float
-            `regularity` at its ends, of opposite signs.
-
-        Raises
-        ------
-        OrbitError
-            If none is found.
+        `first` and `last` are the `regularity` at the ends, of opposite signs. Raises OrbitError
+        without a branch point.
         """
         guess = step.expected(length * first / (first - last))
         near = self._equations.evaluate(guess[:-1], guess[-1:])
@@ -126,16 +112,9 @@ def extended_equations(
 ) -> tuple[P, Floats, Floats]:
     """Evaluate the equations of a branch point in the first parameter: point, residual, matrix.
 
-    Parameters
-    ----------
-    equations : Shooting or EquilibriumEquations
-        With one or more active parameters.
-    border : float array, shape (unknowns,)
-        Approximate left null vector b.
-    kernel : float array, shape (2, unknowns + 1)
-        Approximate null vectors of the derivatives by unknowns and the first parameter.
-    u : float array
-        Unknowns, parameters and beta.
+    `border` is an approximate left null vector b, shape (unknowns,), `kernel` approximate null
+    vectors of the derivatives by unknowns and the first parameter, shape (2, unknowns + 1); `u` are
+    unknowns, parameters and beta.
     """
     x, beta, size = u[:-1], u[-1], border.size
     point = equations.evaluate(x[:size], x[size:])

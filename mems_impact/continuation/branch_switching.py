@@ -45,22 +45,9 @@ def switched_solutions(
     """Return solutions of the branch that emanates from a special point, each with the way to it.
 
     Of the branch through a branch point there is a solution on each side, or on one if the other
-    has none, each with the sign of the change of the parameter away from the branch point, and
-    with the branch point as a point of that branch. Of other branches there is one solution with a
-    direction of continuation.
-
-    Parameters
-    ----------
-    event : BranchEvent
-        On the known branch.
-    parameter : str
-    low, high : float
-        Bounds of the parameter.
-
-    Raises
-    ------
-    OrbitError
-        If no other branch is found.
+    has none, each with the sign of the change of the parameter away from the branch point, and with
+    the branch point as a point of that branch. Of other branches there is one solution with a
+    direction of continuation. Raises OrbitError if no other branch is found.
     """
     solution = event.solution
     if event.kind != BRANCH_POINT:
@@ -116,25 +103,10 @@ def double_cover(orbit: PeriodicOrbit) -> OrbitGuess:
 
 
 def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, Floats]:
-    """Return an orbit of twice the period next to `orbit`, and the way to it.
+    """Return the first orbit of twice the period on the bifurcating branch, and the way to it.
 
-    Parameters
-    ----------
-    orbit : PeriodicOrbit
-        At a period doubling.
-    parameter : str
-
-    Returns
-    -------
-    orbit : PeriodicOrbit
-        The first orbit of the bifurcating branch.
-    away : float array, shape (unknowns + 1,)
-        From the point to that orbit: the `direction` of continuation.
-
-    Raises
-    ------
-    OrbitError
-        If the orbit has no multiplier -1.
+    The way, shape (unknowns + 1,), from the period doubling to this orbit is the `direction` of
+    continuation. Raises OrbitError if the orbit has no multiplier -1.
     """
     guess = double_cover(orbit)
     shooting = orbit.equations((parameter,), guess.segments, nodes=guess.nodes)
@@ -154,22 +126,11 @@ def first_orbit_on_branch(
 ) -> tuple[PeriodicOrbit, Floats]:
     """Return an orbit of the branch that leaves a point, and the way to it.
 
-    All orbits may have the parameter of the point, as for piecewise linear maps.
-
-    Parameters
-    ----------
-    shooting : Shooting
-        The equations of that branch, with one active parameter.
-    start, away : float array, shape (unknowns + 1,)
-        The point, and the direction of the bifurcating branch.
-    distances : sequence of float
-        Distances at which the orbit is corrected, up to the first with a significant parameter
-        change.
-
-    Raises
-    ------
-    OrbitError
-        If the correction fails at the first distance.
+    All orbits may have the parameter of the point, as for piecewise linear maps. The equations are
+    those of that branch, with one active parameter; `start`, the point, and `away`, the direction
+    of the branch, have the shape (unknowns + 1,). The orbit is corrected at `distances` up to the
+    first with a significant change of the parameter. Raises OrbitError if the correction fails at
+    the first distance.
     """
     value = float(start[-1])
     switched, onward = None, away
@@ -194,25 +155,10 @@ def first_orbit_on_branch(
 
 
 def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[PeriodicOrbit, Floats]:
-    """Return a small limit cycle next to a Hopf point, and the way to it.
+    """Return the first limit cycle on the branch from a Hopf point, and the way to it.
 
-    Parameters
-    ----------
-    equilibrium : EquilibriumState
-        At a Hopf point.
-    parameter : str
-
-    Returns
-    -------
-    orbit : PeriodicOrbit
-        The first limit cycle of the bifurcating branch.
-    away : float array, shape (unknowns + 1,)
-        From the point to that orbit: the `direction` of continuation.
-
-    Raises
-    ------
-    OrbitError
-        If no pair of eigenvalues lies on the imaginary axis.
+    The way, shape (unknowns + 1,), from the point to this orbit is the `direction` of continuation.
+    Raises OrbitError if no pair of eigenvalues lies on the imaginary axis.
     """
     rate = frequency(equilibrium)
     if rate is None:

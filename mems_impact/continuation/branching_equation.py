@@ -70,37 +70,18 @@ def branch_direction(step: PredictorStep[P], point: P) -> Floats:
 
 
 class FirstPoint(NamedTuple, Generic[P]):
-    """A point of the other branch next to a branch point.
-
-    Attributes
-    ----------
-    point : ShootingEvaluation or EquilibriumEvaluation
-    side : float
-        1 if the parameter increases along that branch away from the branch point, else -1.
-    """
+    """A point of the other branch next to a branch point."""
 
     point: P
+    # 1 if the parameter increases along that branch away from the branch point, else -1.
     side: float
 
 
 class CrossingBranch(Generic[P]):
-    """A branch point with the tangents of the two branches that cross there.
+    """A branch point with the unit tangents of the two branches that cross there: `own`, `other`.
 
-    Parameters
-    ----------
-    equations : Shooting or EquilibriumEquations
-        With one active parameter.
-    point : ShootingEvaluation or EquilibriumEvaluation
-        The branch point.
-    direction : float array
-        Approximate direction of the known branch.
-
-    Attributes
-    ----------
-    own, other : float array
-        Unit tangents of the known branch and of the other branch. Where the branching equation is
-        degenerate, `other` is normal to `own`.
-    degenerate : bool
+    `direction` is the approximate one of the known branch, `own`. Where the branching equation is
+    `degenerate`, `other` is normal to `own`. The equations have one active parameter.
     """
 
     def __init__(self, equations: Solvable[P], point: P, direction: Floats) -> None:
@@ -126,17 +107,8 @@ class CrossingBranch(Generic[P]):
         """Return a point of the other branch on each side, or on one if the other has none.
 
         Their distance is the least of `FIRST_DISTANCES` at which the parameter changes
-        significantly, or a shorter one from which on the branch is straight.
-
-        Parameters
-        ----------
-        low, high : float
-            Bounds of the parameter.
-
-        Raises
-        ------
-        OrbitError
-            If no branch but the known one is found.
+        significantly, or a shorter one from which on the branch is straight. Raises OrbitError if
+        no branch but the known one is found.
         """
         found: list[FirstPoint[P]] = []
         for sign in (1.0, -1.0):
@@ -318,15 +290,9 @@ class CrossingBranch(Generic[P]):
         """Return the unit vectors a that solve the branching equation; empty if degenerate.
 
         In the basis of the kernel vector s without a change of the parameter and the direction d of
-        the known branch, the equation is ``A x^2 + 2 B x y + C y^2 = 0``. In other units of states
-        and parameter A, B, C have other factors, and the roots remain.
-
-        Parameters
-        ----------
-        seconds : float array, shape (2, unknowns + 1)
-            Second derivatives along the vectors of the kernel, multiplied by w.
-        first : float array, shape (2,)
-            The direction of the known branch.
+        the known branch (`first`), the equation is ``A x^2 + 2 B x y + C y^2 = 0``. In other units
+        of states and parameter A, B, C have other factors, and the roots remain. `seconds`, shape
+        (2, unknowns + 1), are second derivatives along the vectors of the kernel, multiplied by w.
         """
         quadratic = seconds @ self._kernel.T
         s = self._unit(np.array([-self._kernel[1, -1], self._kernel[0, -1]]))

@@ -103,10 +103,7 @@ def _with_orbit(
 ) -> OrbitEvent:
     """Return the onset with an orbit that has the sequence of impacts of a run.
 
-    Raises
-    ------
-    OrbitError
-        If the orbit cannot be corrected.
+    Raises OrbitError if the orbit cannot be corrected.
     """
     guess = read_guess(there.family.problem(), start, there.periods)
     shooting = there.equations((parameter,), guess.segments, pinned={})

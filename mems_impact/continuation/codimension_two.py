@@ -44,27 +44,16 @@ Term = tuple[int, tuple[int, ...]]
 
 @dataclass(frozen=True)
 class ResonantForm:
-    """Kind of a normal form with simple critical multipliers.
-
-    Attributes
-    ----------
-    equation : str
-    terms : dict of str to Term
-        Coefficients by name.
-    values : tuple of complex
-        Critical multipliers that are fixed; those of positive imaginary part are followed by their
-        conjugate.
-    rotating : int
-        Number of further pairs on the unit circle, of any angle, in order of the angle.
-    phase : str
-        Coefficient that the choice of the eigenvector makes real and positive.
-    """
+    """Kind of a normal form with simple critical multipliers."""
 
     equation: str
-    terms: Mapping[str, Term]
+    terms: Mapping[str, Term]  # coefficients by name
+    # Critical multipliers that are fixed; those of positive imaginary part are followed by their
+    # conjugate.
     values: tuple[complex, ...] = ()
+    # Number of further pairs on the unit circle, of any angle, in order of the angle.
     rotating: int = 0
-    phase: str = ""
+    phase: str = ""  # coefficient that the choice of the eigenvector makes real and positive
 
 
 RESONANT_FORMS = {
@@ -120,10 +109,8 @@ def codimension_two_form(
 ) -> NormalForm | None:
     """Return the normal form of a point of codimension two; None for kinds without a normal form.
 
-    Raises
-    ------
-    OrbitError
-        If the return map cannot be differentiated, or its multipliers do not fit the kind.
+    Raises OrbitError if the return map cannot be differentiated, or its multipliers do not fit the
+    kind.
     """
     functions = {"1:1 resonance": _double_plus, "1:2 resonance": _double_minus}
     functions |= {"generalized flip": _generalized_flip, "Chenciner": _chenciner}
@@ -139,14 +126,7 @@ def codimension_two_form(
 
 
 class CriticalDerivatives:
-    """Second and third derivatives of a return map along the span of some vectors.
-
-    Parameters
-    ----------
-    returns : ReturnMap
-    vectors : complex array, shape (k, m)
-        Critical vectors.
-    """
+    """Second and third derivatives of a return map along the span of critical vectors, columns."""
 
     def __init__(self, returns: ReturnMap, vectors: Vector) -> None:
         spread: Floats = np.hstack([vectors.real, vectors.imag])

@@ -22,22 +22,12 @@ STEPS_BEYOND = 5  # of the branch, whose length is searched beyond its end
 
 
 class Corner(NamedTuple):
-    """A point at which a transition on a branch is not smooth.
+    """A point at which a transition on a branch is not smooth."""
 
-    Attributes
-    ----------
-    mode, code : int
-        The mode before, and the code of the transition.
-    value : float
-        The parameter.
-    y : float array, shape (n,)
-        The state before the transition.
-    """
-
-    mode: int
-    code: int
-    value: float
-    y: Floats
+    mode: int  # before the transition
+    code: int  # of the transition
+    value: float  # of the parameter
+    y: Floats  # the state before the transition
 
 
 def corners(orbits: Sequence[PeriodicOrbit], parameter: str) -> Iterator[Corner]:

@@ -30,40 +30,21 @@ ENTRY_ERROR = 1e-12  # relative error of an entry of a derivative
 
 
 class Coefficient(NamedTuple):
-    """A coefficient of a normal form.
-
-    Attributes
-    ----------
-    value : float
-    error : float
-        Estimated error; NaN if the derivatives have no estimate.
-    size : float
-        Sum of the sizes of its terms, which may cancel.
-    """
+    """A coefficient of a normal form."""
 
     value: float
-    error: float
-    size: float
+    error: float  # estimated; NaN if the derivatives have no estimate
+    size: float  # sum of the sizes of its terms, which may cancel
 
 
 @dataclass(frozen=True, eq=False)
 class CriticalVectors:
-    """Null vectors of the shooting equations for a multiplier, and derivatives along them.
-
-    Attributes
-    ----------
-    shooting : Shooting
-    point : ShootingEvaluation
-    multiplier : complex
-        On the unit circle, or close to it.
-    differentiate : callable
-        As `directional_derivatives`.
-    """
+    """Null vectors of the shooting equations for a multiplier, and derivatives along them."""
 
     shooting: Shooting
     point: ShootingEvaluation
-    multiplier: complex
-    differentiate: Differentiation
+    multiplier: complex  # on the unit circle, or close to it
+    differentiate: Differentiation  # as `directional_derivatives`
 
     @cached_property
     def closure(self) -> Floats:

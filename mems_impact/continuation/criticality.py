@@ -68,12 +68,8 @@ class CriticalityTest(CurveTest):
     ) -> float | None:
         """Return the position of a zero in a step with a change of sign; None without a zero.
 
-        The extrapolated values must have different signs at the ends, beyond their errors.
-
-        Raises
-        ------
-        OrbitError
-            If a point within the step cannot be corrected.
+        The extrapolated values must have different signs at the ends, beyond their errors. Raises
+        OrbitError if a point within the step cannot be corrected.
         """
 
         @cache

@@ -56,27 +56,11 @@ def follow(
     steps: StepControl,
     progress: Callable[[float], None] | None = None,
 ) -> C:
-    """Continue a special point in a second parameter.
+    """Continue a special point in a second parameter; append the points to `curve` and return it.
 
-    Parameters
-    ----------
-    curve : SolutionCurve
-        Without points, to which they are appended.
-    family : Family
-    begin : callable
-        Returns the problem of the curve, and the evaluation of its equations at the special point.
-    low, high : float
-        Bounds of the second parameter.
-    direction : float
-        Sign of the first step in the second parameter.
-    steps : StepControl
-    progress : callable, optional
-        Called with every value of the second parameter.
-
-    Returns
-    -------
-    SolutionCurve
-        The same.
+    `begin` returns the problem of the curve, and the evaluation of its equations at the special
+    point. Bounds, the sign `direction` of the first step, and `progress` are of the second
+    parameter.
     """
     try:
         problem, near = begin()
@@ -102,21 +86,12 @@ def follow(
 
 
 class CurveProblem(ContinuationProblem[P, N, CurveEvent[N]]):
-    """Continuation problem of solutions at which one condition holds, in two parameters.
-
-    Attributes
-    ----------
-    branch : SolutionCurve
-        Result.
-    condition : DefiningSystem
-    bounds : tuple of float
-        Bounds of the second parameter.
-    """
+    """Continuation problem of solutions at which one condition holds, in two parameters."""
 
     noun = "curve"
-    branch: SolutionCurve[N]
+    branch: SolutionCurve[N]  # the result
     condition: DefiningSystem
-    bounds: tuple[float, float]
+    bounds: tuple[float, float]  # of the second parameter
     _linear: tuple[P, Floats] | None = None  # the gradient of the condition at a point
 
     @property
@@ -266,19 +241,8 @@ def correct_branch_point(
 ) -> Solution[P]:
     """Solve the extended equations in the plane through `plane` normal to `direction`.
 
-    Parameters
-    ----------
-    equations : Shooting or EquilibriumEquations
-        With two active parameters.
-    near : ShootingEvaluation or EquilibriumEvaluation
-        A branch point nearby, which provides the borders.
-    plane, direction, guess : float array
-        Unknowns and parameters.
-
-    Raises
-    ------
-    OrbitError
-        If the correction does not converge.
+    The equations have two active parameters; a branch point `near` provides the borders. The
+    vectors are unknowns and parameters. Raises OrbitError if the correction does not converge.
     """
     border, kernel = null_vectors(near)
 

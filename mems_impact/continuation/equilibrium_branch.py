@@ -71,29 +71,10 @@ def follow_equilibrium(
     stop_at: Collection[str] = (),
     progress: Callable[[float], None] | None = None,
 ) -> EquilibriumBranch:
-    """Continue an equilibrium in one parameter up to a bound, an end or the budget of points.
+    """Continue an isolated equilibrium up to a bound, an end or the budget of points.
 
-    Parameters
-    ----------
-    equilibrium : EquilibriumState
-        An isolated equilibrium.
-    parameter : str
-        A parameter of its family.
-    low, high : float
-        Bounds of the parameter.
-    direction : float
-        Sign of the first step in the parameter.
-    steps : StepControl
-    functions : sequence of FunctionTest, optional
-    stop_at : collection of str, optional
-        Kinds of special points at which the branch ends.
-    progress : callable, optional
-        Called with every value of the parameter.
-
-    Returns
-    -------
-    SolutionBranch
-        The points up to its end; `ended` is the reason.
+    `direction` is the sign of the first step. The branch ends at special points of the kinds
+    `stop_at`, and `ended` is the reason; `progress` is called with every value of the parameter.
     """
     branch = EquilibriumBranch(parameter)
     equations = EquilibriumEquations(equilibrium.family, equilibrium.mode, (parameter,))

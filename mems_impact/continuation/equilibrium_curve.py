@@ -217,10 +217,7 @@ CONDITIONS: dict[str, type[DefiningSystem]] = {
 def condition_of(kind: str, equations: EquilibriumEquations, guard: str) -> DefiningSystem:
     """Return the defining system of a kind of special points.
 
-    Raises
-    ------
-    InvalidParameter
-        If points of this kind have no curves.
+    Raises InvalidParameter if points of this kind have no curves.
     """
     if kind not in CONDITIONS:
         allowed = "a fold, Hopf point, branch point or boundary equilibrium, which have curves"
@@ -233,22 +230,13 @@ def condition_of(kind: str, equations: EquilibriumEquations, guard: str) -> Defi
 
 
 class EigenvaluePair(NamedTuple):
-    """Two eigenvalues with a real sum and a real product.
-
-    Attributes
-    ----------
-    first, second : int
-        Their indices.
-    total, product : float
-    size : float
-        The largest eigenvalue of the matrix.
-    """
+    """Two eigenvalues, by index, with a real sum and a real product."""
 
     first: int
     second: int
     total: float
     product: float
-    size: float
+    size: float  # the largest eigenvalue of the matrix
 
     @property
     def offset(self) -> float:
@@ -417,31 +405,9 @@ def follow_equilibrium_curve(
     steps: StepControl,
     progress: Callable[[float], None] | None = None,
 ) -> EquilibriumCurve:
-    """Continue a special point of equilibria in two parameters.
+    """Continue a special point of equilibria in two parameters; append to `curve` and return it.
 
-    Parameters
-    ----------
-    equilibrium : EquilibriumState
-        At the special point.
-    curve : SolutionCurve
-        The curve without points.
-    low, high : float
-        Bounds of the second parameter.
-    direction : float
-        Sign of the first step in the second parameter.
-    steps : StepControl
-    progress : callable, optional
-        Called with every value of the second parameter.
-
-    Returns
-    -------
-    SolutionCurve
-        The same.
-
-    Raises
-    ------
-    InvalidParameter
-        If points of this kind have no curves.
+    Arguments as in `curve.follow`. Raises InvalidParameter if points of this kind have no curves.
     """
     family = equilibrium.family
     equations = EquilibriumEquations(family, equilibrium.mode, curve.parameters)

@@ -151,12 +151,8 @@ def impact_direction(
 
     A trial run covers the impact and the events that it causes (such as a slip) until the mode is
     the initial one. Its end is compared with the undisturbed flow over the same time, and the
-    difference is pulled back to the impact.
-
-    Raises
-    ------
-    OrbitError
-        If the run does not return to the mode.
+    difference is pulled back to the impact. Raises OrbitError if the run does not return to the
+    mode.
     """
     problem = shooting.problem(point)
     free, variational = shooting.free, shooting.variational(point.parameter_point)
@@ -199,16 +195,9 @@ def low_velocity_contact(
 def grazing_type(orbit: PeriodicOrbit, monitor: TestFunction) -> str:
     """Classify the transition of the attractor at a grazing orbit without impacts.
 
-    Returns
-    -------
-    str
-        "continuous" (all xi_k positive and the orbit stable: the paper's type II), "jump" (some
-        xi_k negative: type I), "after a fold" (a multiplier beyond +1: type III).
-
-    Raises
-    ------
-    OrbitError
-        If the orbit has other events, or is a limit cycle in a plane.
+    The result is "continuous" (all xi_k positive and the orbit stable: the paper's type II), "jump"
+    (some xi_k negative: type I) or "after a fold" (a multiplier beyond +1: type III). Raises
+    OrbitError if the orbit has other events, or is a limit cycle in a plane.
     """
     sequence = None
     if isinstance(monitor, ClosestApproachTest):
@@ -249,26 +238,11 @@ def change_signature(
 ) -> tuple[Shooting, ShootingEvaluation, Floats]:
     """Return the branch of the other signature that joins at `orbit`, and its direction there.
 
-    The branch may lie on either side of `orbit` in the parameter. Its first orbit lies at a small
-    distance from the common one, where the equations have a corner if one of two events is a
-    switch.
-
-    Parameters
-    ----------
-    orbit : PeriodicOrbit
-        Located at a zero of `monitor`.
-    monitor : TestFunction
-        A closest approach (an event is inserted), a contact speed (one is removed) or the length of
-        a segment (one moves into another period, or past another event).
-
-    Returns
-    -------
-    shooting, point, direction
-
-    Raises
-    ------
-    OrbitError
-        If no such branch is found.
+    The orbit is a zero of `monitor`: a closest approach (an event is inserted), a contact speed
+    (one is removed) or the length of a segment (one moves into another period, or past another
+    event). The branch may lie on either side of `orbit` in the parameter. Its first orbit lies at a
+    small distance from the common one, where the equations have a corner if one of two events is a
+    switch. Raises OrbitError if no such branch is found.
     """
     guess, test, level = guess_beyond(orbit, monitor)
     shooting = orbit.equations((parameter,), guess.segments, pinned={})
@@ -293,10 +267,7 @@ def guess_beyond(
 ) -> tuple[OrbitGuess, TestFunction, float]:
     """Return a guess of the other signature, a test function that is zero here, and its value.
 
-    Raises
-    ------
-    OrbitError
-        If the other signature is unknown.
+    Raises OrbitError if the other signature is unknown.
     """
     if isinstance(monitor, SegmentLengthTest):
         guess, grows = move_event_across_period(orbit, monitor.segment) or swap_adjacent_events(
@@ -375,12 +346,8 @@ def move_event_across_period(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, 
 def swap_adjacent_events(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, int]:
     """Return the orbit with the two events around segment `i` in the other order.
 
-    The second result is the segment that grows from length zero.
-
-    Raises
-    ------
-    OrbitError
-        Unless the state and the mode after both are the same in either order.
+    The second result is the segment that grows from length zero. Raises OrbitError unless the state
+    and the mode after both are the same in either order.
     """
     order_matters = OrbitError(
         "two events coincide, and the motion depends on their order", "find an orbit beyond it"
@@ -431,12 +398,8 @@ def insert_event(orbit: PeriodicOrbit, guard: int, touch: ClosestApproach) -> Or
     """Return a guess with the events that a weak contact at the closest approach causes.
 
     A run from the guard, with a small speed into it, gives these events up to the return to the
-    initial mode.
-
-    Raises
-    ------
-    OrbitError
-        If the run does not return before the period ends or the drive switches.
+    initial mode. Raises OrbitError if the run does not return before the period ends or the drive
+    switches.
     """
     shooting, point = orbit.shooting, orbit.point
     i, time = touch.segment, touch.time
@@ -470,10 +433,7 @@ def insert_event(orbit: PeriodicOrbit, guard: int, touch: ClosestApproach) -> Or
 def remove_event(orbit: PeriodicOrbit, monitor: ContactSpeedTest) -> OrbitGuess:
     """Return a guess without the event and the segments of negligible length after it.
 
-    Raises
-    ------
-    OrbitError
-        If a segment after it in another mode has a finite length.
+    Raises OrbitError if a segment after it in another mode has a finite length.
     """
     shooting, point = orbit.shooting, orbit.point
     segments, i = orbit.segments, monitor.segment
@@ -503,24 +463,10 @@ def remove_event(orbit: PeriodicOrbit, monitor: ContactSpeedTest) -> OrbitGuess:
 def neighbour(loss: OrbitEvent, parameter: str) -> tuple[Shooting, ShootingEvaluation, Floats]:
     """Return the branch that joins at `loss`, by a run from an initial state slightly beyond.
 
-    The run gives the sequence of events there. The orbit with this sequence lies beyond `loss`, or,
-    if both branches end there, on the side of the known branch.
-
-    Parameters
-    ----------
-    loss : OrbitEvent
-        Point of a branch beyond which its sequence of events is inadmissible.
-    parameter : str
-
-    Returns
-    -------
-    shooting, point, direction
-        An orbit close to `loss`, and the direction away from it.
-
-    Raises
-    ------
-    OrbitError
-        If no such branch is found.
+    Beyond `loss` the sequence of events of its branch is inadmissible; the run gives the sequence
+    there. The orbit with this sequence lies beyond `loss`, or, if both branches end there, on the
+    side of the known branch. The results are equations, an orbit close to `loss`, and the direction
+    away from it. Raises OrbitError if no such branch is found.
     """
     # Where a segment vanishes, orbits with a segment of zero length form another branch, whose
     # tangent has no preferred sign.
@@ -666,10 +612,7 @@ def at_level(
 ) -> ShootingEvaluation:
     """Solve for the orbit and the parameter at which `condition` has the value `level`.
 
-    Raises
-    ------
-    OrbitError
-        If the iteration does not converge.
+    Raises OrbitError if the iteration does not converge.
     """
     start = np.append(begin.unknowns, begin.values)
     # The distance is short, so the gradient at its start suffices.

@@ -31,20 +31,13 @@ V = TypeVar("V", Floats, complex)
 
 
 class DirectionalDerivatives(NamedTuple):
-    """Second and third derivatives of a map along a vector u.
+    """Second and third derivatives of a map along a vector u, shape (k, k).
 
-    Attributes
-    ----------
-    second : float array, shape (k, k)
-        Its product with w is B(u, w).
-    third : float array, shape (k, k)
-        Its product with w is C(u, u, w).
-    second_error, third_error : float
-        Estimates of the errors of their entries.
+    The errors are estimates for their entries.
     """
 
-    second: Floats
-    third: Floats
+    second: Floats  # its product with w is B(u, w)
+    third: Floats  # its product with w is C(u, u, w)
     second_error: float
     third_error: float
 
@@ -53,12 +46,8 @@ def directional_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Direc
     """Differentiate the Jacobian of a map at zero along `u`.
 
     Central differences with one extrapolation (Richardson). Of the step lengths, from `size` times
-    `LARGEST_STEP_RATIO` down, each derivative takes that at which it changes least.
-
-    Raises
-    ------
-    OrbitError
-        If the map cannot be evaluated at two steps.
+    `LARGEST_STEP_RATIO` down, each derivative takes that at which it changes least. Raises
+    OrbitError if the map cannot be evaluated at two steps.
     """
     length = float(np.linalg.norm(u))
     center = jacobian(np.zeros(u.size))
@@ -111,10 +100,7 @@ def directional_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Direc
 def plain_derivatives(jacobian: Jacobian, u: Floats, size: float) -> DirectionalDerivatives:
     """Differentiate as `directional_derivatives` by one central difference, without its error.
 
-    Raises
-    ------
-    OrbitError
-        If the map cannot be evaluated at the steps.
+    Raises OrbitError if the map cannot be evaluated at the steps.
     """
     center, length = jacobian(np.zeros(u.size)), float(np.linalg.norm(u))
     for ratio in PLAIN_STEP_RATIOS:
@@ -132,12 +118,8 @@ def line_derivatives(jacobian: Jacobian, u: Floats, size: float) -> tuple[Sequen
     """Return the first four derivatives of the Jacobian of a map at zero along `u`, and an error.
 
     The derivatives are those of polynomials through equidistant points on a line, whose length is
-    halved until the last derivative changes least.
-
-    Raises
-    ------
-    OrbitError
-        If the map cannot be evaluated on two lines.
+    halved until the last derivative changes least. Raises OrbitError if the map cannot be evaluated
+    on two lines.
     """
     positions = np.arange(-LINE_POINTS, LINE_POINTS + 1) / LINE_POINTS
     powers = np.linalg.inv(np.vander(positions, increasing=True))[1:5]
@@ -160,17 +142,8 @@ def least_changing(
 ) -> tuple[Sequence[V], float]:
     """Return the estimates at the length at which the last of them changes least, and that change.
 
-    Parameters
-    ----------
-    estimates : callable
-        Returns arrays or numbers for a length.
-    length : float
-        The first length, which is halved, or doubled if the change grows from there on.
-
-    Raises
-    ------
-    OrbitError
-        If no two lengths have estimates.
+    The first length is halved, or doubled if the change grows from there on. Raises OrbitError if
+    no two lengths have estimates, arrays or numbers.
     """
     best: tuple[float, Sequence[V]] = (math.inf, [])
     tried: list[Sequence[V]] = []
@@ -221,16 +194,9 @@ def lyapunov_coefficient(
 ) -> float:
     """Return the first Lyapunov coefficient of a Hopf point, Re(<p, ...>) / 2.
 
-    Parameters
-    ----------
-    derivatives : callable
-        ``derivatives(*vectors)`` returns the derivatives by the states, and others after them, of
-        the derivative of the flow along one or two vectors.
-    matrix : float array, shape (n, n)
-        The Jacobian of the flow.
-    right, left : complex array, shape (n,)
-        Eigenvectors of i omega, ``conj(left) right = 1``.
-    omega : float
+    ``derivatives(*vectors)`` returns the derivatives by the states, and others after them, of the
+    derivative of the flow along one or two vectors. `matrix` is the Jacobian of the flow, shape (n,
+    n); `right` and `left` are its eigenvectors of i omega, ``conj(left) right = 1``.
     """
     n = right.size
     u, v = np.array(right.real), np.array(right.imag)

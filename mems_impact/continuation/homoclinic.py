@@ -29,36 +29,21 @@ MAX_ERROR_GROWTH = 1e6  # error growth in a segment, as past a saddle
 
 @dataclass(frozen=True)
 class SlowPassage:
-    """Slowest point of the last limit cycle of a branch.
-
-    Attributes
-    ----------
-    mode : int
-    state : float array, shape (n,)
-        The state of an equilibrium nearby, or else the state of slowest motion.
-    equilibrium : EquilibriumState, optional
-        The equilibrium nearby.
-    periods : tuple of float
-        The shortest and the last period of the branch.
-    passages : int
-        Number of slow passages in a period: two if a symmetric cycle approaches both homoclinic
-        orbits of a symmetric pair.
-    """
+    """Slowest point of the last limit cycle of a branch."""
 
     mode: int
-    state: Floats
-    equilibrium: EquilibriumState | None
-    periods: tuple[float, float]
+    state: Floats  # the state of an equilibrium nearby, or else the state of slowest motion
+    equilibrium: EquilibriumState | None  # the one nearby
+    periods: tuple[float, float]  # the shortest and the last period of the branch
+    # Number of slow passages in a period: two if a symmetric cycle approaches both homoclinic
+    # orbits of a symmetric pair.
     passages: int = 1
 
 
 def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
     """Return the slow passage of a branch whose period grows beyond bounds, else None.
 
-    Parameters
-    ----------
-    orbits : sequence of PeriodicOrbit
-        Orbits of the branch, in order.
+    The orbits are in the order of the branch.
     """
     last = orbits[-1]
     if last.shooting.phase is None:
@@ -177,14 +162,8 @@ def homoclinic_value(values: Floats, periods: Floats, rate: float) -> tuple[floa
     """Extrapolate the parameter of cycles to an infinite period, with an estimate of the error.
 
     The distance to the homoclinic orbit decays as ``exp(-rate T)`` with the period T, or the time
-    between slow passages.
-
-    Parameters
-    ----------
-    values, periods : float array, shape (points,)
-        Along the branch.
-    rate : float
-        The smaller of the absolute real parts of the leading eigenvalues.
+    between slow passages. `values` and `periods`, shape (points,), are along the branch; `rate` is
+    the smaller of the absolute real parts of the leading eigenvalues.
     """
 
     def estimate(i: int) -> tuple[float, int]:

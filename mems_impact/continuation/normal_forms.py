@@ -58,14 +58,8 @@ MAP_TOLERANCE = 1e-11
 class ReturnMap:
     """The map from the start of an orbit's period to its end, along the orbit's signature.
 
-    Coordinates are deviations from the orbit of the components of the state that the first mode
-    leaves free, in the plane of the phase condition if the system is autonomous.
-
-    Parameters
-    ----------
-    shooting : Shooting
-    point : ShootingEvaluation
-        The orbit.
+    Coordinates are deviations from the orbit `point` of the components of the state that the first
+    mode leaves free, in the plane of the phase condition if the system is autonomous.
     """
 
     def __init__(self, shooting: Shooting, point: ShootingEvaluation) -> None:
@@ -98,10 +92,7 @@ class ReturnMap:
     def jacobian_at(self, x: Floats) -> Floats:
         """Return the first derivative at coordinates `x`.
 
-        Raises
-        ------
-        OrbitError
-            If no motion with the signature of the orbit starts there.
+        Raises OrbitError if no motion with the signature of the orbit starts there.
         """
         return self._linearize(self._motion(x)[0])[0] if x.any() else self._jacobian
 
@@ -406,22 +397,10 @@ def criticality_of(cubic: float, error: float) -> str:
 def orbit_normal_form(
     kind: str, shooting: Shooting, point: ShootingEvaluation, *, doubled: bool = False
 ) -> NormalForm | None:
-    """Return the normal form of a bifurcation of a periodic orbit.
+    """Return the normal form of a bifurcation of a periodic orbit; None for kinds without one.
 
-    None where the kind of point has no normal form.
-
-    Parameters
-    ----------
-    kind : str
-    shooting : Shooting
-    point : ShootingEvaluation
-    doubled : bool
-        Whether the orbit of a period doubling is given at twice the period.
-
-    Raises
-    ------
-    OrbitError
-        If the return map cannot be differentiated.
+    `doubled` says that the orbit of a period doubling is given at twice the period. Raises
+    OrbitError if the return map cannot be differentiated.
     """
     if kind not in (FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT):
         return None
@@ -460,10 +439,7 @@ def orbit_normal_form(
 def equilibrium_normal_form(kind: str, state: EquilibriumState) -> NormalForm | None:
     """Return the normal form of a bifurcation of an equilibrium; None without a normal form.
 
-    Raises
-    ------
-    OrbitError
-        If the flow cannot be differentiated.
+    Raises OrbitError if the flow cannot be differentiated.
     """
     equations, balance = state.equations, replace(state.balance, values=np.zeros(0))
     if kind not in (FOLD, HOPF, BRANCH_POINT):

@@ -103,10 +103,7 @@ def corrected(
 ) -> tuple[ShootingEvaluation, Floats]:
     """Return the solution of other equations for an orbit, and the tangent of the branch.
 
-    Raises
-    ------
-    OrbitError
-        If it cannot be corrected there.
+    Raises OrbitError if it cannot be corrected there.
     """
     # Normal to the branch: at a fold the equations for a fixed parameter are singular.
     shooting, unknowns, _ = other
@@ -133,12 +130,7 @@ def oriented(onward: Floats, direction: Floats, other: Shooting) -> Floats:
 
 
 class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
-    """Continuation problem of periodic orbits, of one signature at a time.
-
-    Parameters
-    ----------
-    shooting : Shooting
-    """
+    """Continuation problem of periodic orbits, of one signature at a time."""
 
     def __init__(self, shooting: Shooting) -> None:
         self.shooting, self.family, self.parameters = shooting, shooting.family, shooting.active
@@ -228,31 +220,12 @@ def follow(
 ) -> OrbitBranch:
     """Continue `orbit` in `parameter` up to a bound, an end or the budget of points.
 
-    Parameters
-    ----------
-    orbit : PeriodicOrbit
-    parameter : str
-        A parameter of the orbit's family.
-    low, high : float
-        Bounds of the parameter.
-    direction : float or float array
-        Sign of the first step in the parameter, or a change of unknowns and parameter to follow;
-        the branch is continued in this direction only.
-    steps : StepControl, optional
-    reconnecting : bool
-        Whether to continue with the changed signature where a margin is touched. Otherwise the
-        branch keeps its signature, and its orbits become inadmissible.
-    functions : sequence of FunctionTest, optional
-        Functions of the user whose zeros are located.
-    stop_at : collection of str, optional
-        Kinds of special points at which the branch ends.
-    progress : callable, optional
-        Called with every value of the parameter.
-
-    Returns
-    -------
-    SolutionBranch
-        The points up to its end; `ended` is the reason.
+    `direction` is the sign of the first step in the parameter, or a change of unknowns and
+    parameter to follow; the branch is continued in this direction only. If `reconnecting`, it
+    continues with the changed signature where a margin is touched; otherwise it keeps its
+    signature, and its orbits become inadmissible. Zeros of the user's `functions` are located. The
+    branch ends at special points of the kinds `stop_at`, and `ended` is the reason; `progress` is
+    called with every value of the parameter.
     """
     branch = OrbitBranch(parameter)
     points = points_of(
@@ -759,10 +732,7 @@ def _adds_sliding(event: OrbitEvent) -> bool:
 def _touch_beyond(loss: OrbitEvent, joined: Joined) -> OrbitEvent:
     """Return the point at which orbits without the short segments of a loss touch their guards.
 
-    Raises
-    ------
-    OrbitError
-        If it is not found.
+    Raises OrbitError if it is not found.
     """
     shooting, start, onward = joined
     before = loss.solution.segments

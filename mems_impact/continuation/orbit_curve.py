@@ -67,28 +67,10 @@ def follow_curve(
     steps: StepControl | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> OrbitCurve:
-    """Continue a special point of a branch in a second parameter.
+    """Continue a special point of a branch in `parameter` also in a `second` parameter.
 
-    Parameters
-    ----------
-    special : OrbitEvent
-        A grazing, fold, period-doubling, Neimark-Sacker or branch point, or the contact of another
-        guard.
-    parameter : str
-        The parameter of the branch.
-    second : str
-        The second parameter.
-    low, high : float
-        Bounds of the second parameter.
-    direction : float
-        Sign of the first step in the second parameter.
-    steps : StepControl, optional
-    progress : callable, optional
-        Called with every value of the second parameter.
-
-    Returns
-    -------
-    SolutionCurve
+    The point is a grazing, fold, period-doubling, Neimark-Sacker or branch point, or the contact of
+    another guard. Other arguments as in `curve.follow`.
     """
     if parameter == second:
         raise InvalidParameter(field="second", value=second, allowed=f"other than {parameter}")

@@ -91,58 +91,33 @@ class Tangency:
     """Derivatives of the height of a surface at the boundary of its sliding region.
 
     The height is the margin of the surface's guard in the mode of the tangent field, so it is
-    positive on the side of that field.
-
-    Attributes
-    ----------
-    guard : int
-        Guard of the surface.
-    tangent, other, sliding : int
-        Modes of the tangent field, of the field on the other side (NONE if there is none) and of
-        sliding.
-    rates : tuple of float
-        First derivatives along the tangent field and along the other field (nan without).
-    second, third : float
-        Second and third derivative along the tangent field.
-    kind : str
-        "visible", "invisible" or "cubic"; empty if the first derivative is not zero, as with static
-        friction above the dynamic one.
+    positive on the side of that field. `tangent`, `other` and `sliding` are the modes of the
+    tangent field, of the field on the other side (NONE if there is none) and of sliding.
     """
 
     guard: int
     tangent: int
     other: int
     sliding: int
+    # First derivatives along the tangent field and along the other field (nan without).
     rates: tuple[float, float]
-    second: float
+    second: float  # along the tangent field, as `third`
     third: float
+    # "visible", "invisible" or "cubic"; empty if the first derivative is not zero, as with static
+    # friction above the dynamic one.
     kind: str
 
 
 @dataclass(frozen=True)
 class Discontinuity:
-    """A bifurcation at which an orbit meets a discontinuity of its field.
-
-    Attributes
-    ----------
-    type : str
-    guards : tuple of int
-        The guards that meet there.
-    modes : tuple of int
-        Modes in which the orbit arrives and departs.
-    time : float
-        Since the start of the orbit's period.
-    state : float array
-    tangency : Tangency or None
-        None unless the orbit meets the boundary of a sliding region.
-    """
+    """A bifurcation at which an orbit meets a discontinuity of its field."""
 
     type: str
-    guards: tuple[int, ...]
-    modes: tuple[int, int]
-    time: float
+    guards: tuple[int, ...]  # those that meet there
+    modes: tuple[int, int]  # in which the orbit arrives and departs
+    time: float  # since the start of the orbit's period
     state: Floats
-    tangency: Tangency | None = None
+    tangency: Tangency | None = None  # None unless the orbit meets the boundary of a sliding region
 
 
 def is_discontinuity(event: OrbitEvent) -> bool:
@@ -155,10 +130,7 @@ def is_discontinuity(event: OrbitEvent) -> bool:
 def discontinuity(event: OrbitEvent) -> Discontinuity:
     """Classify a special point for which `is_discontinuity` holds.
 
-    Raises
-    ------
-    OrbitError
-        If its type cannot be determined.
+    Raises OrbitError if its type cannot be determined.
     """
     try:
         return Junction(event).discontinuity()
@@ -175,25 +147,14 @@ def discontinuity(event: OrbitEvent) -> Discontinuity:
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface with a sliding region.
-
-    Attributes
-    ----------
-    guard, mode : int
-        Its height is the margin of this guard in this mode.
-    sliding : frozenset of int
-        The modes that slide on the surface.
-    free : mapping of int to int
-        The modes that reach it, each with its side: 1 for positive height, else -1.
-    guards : frozenset of int
-        The guards that reach it, or leave it.
-    """
+    """A surface with a sliding region; its height is the margin of `guard` in `mode`."""
 
     guard: int
     mode: int
-    sliding: frozenset[int]
+    sliding: frozenset[int]  # the modes that slide on the surface
+    # The modes that reach it, each with its side: 1 for positive height, else -1.
     free: dict[int, int]
-    guards: frozenset[int]
+    guards: frozenset[int]  # those that reach it, or leave it
 
 
 class Junction:
@@ -532,10 +493,8 @@ class Junction:
     def _tangency(self, surface: Surface, kind: str, tangent: int) -> Tangency | None:
         """Return the derivatives along the tangent field.
 
-        Raises
-        ------
-        OrbitError
-            If they contradict the type, or the mode of the field is none of a side of the surface.
+        Raises OrbitError if they contradict the type, or the mode of the field is none of a side of
+        the surface.
         """
         if tangent == NONE:
             return None

@@ -54,22 +54,12 @@ OTHER_POINT_REMEDY = "continue another special point, or take shorter steps"
 
 @dataclass(frozen=True)
 class ClosestApproach:
-    """Smallest value of a margin along an orbit.
-
-    Attributes
-    ----------
-    value : float
-    segment : int
-    time : float
-        Time since the start of the period of the segment.
-    inside : bool
-        Whether it is a minimum within the segment, not a value at one of its ends.
-    """
+    """Smallest value of a margin along an orbit."""
 
     value: float
     segment: int
-    time: float
-    inside: bool
+    time: float  # since the start of the period of the segment
+    inside: bool  # whether it is a minimum within the segment, not a value at one of its ends
 
 
 def closest_approach(
@@ -136,16 +126,8 @@ MIN_CONDITION = 1e-3  # of an eigenvalue, below which its gradient loses digits
 class DefiningSystem:
     """A test function as an additional equation, with its gradient by differences.
 
-    Parameters
-    ----------
-    equations : Shooting or EquilibriumEquations
-        With two active parameters.
-    monitor : TestFunction
-
-    Attributes
-    ----------
-    derived : bool
-        Whether the gradient follows from the derivatives of a point, without further evaluations.
+    The equations have two active parameters. `derived` says that the gradient follows from the
+    derivatives of a point, without further evaluations.
     """
 
     derived = False
@@ -329,13 +311,9 @@ class TestFunction(ABC):
     """A quantity that is zero at special points of one kind.
 
     Test functions are values: comparable, storable, and applicable at any point of a branch. A new
-    one is a subclass, listed in `orbit_tests` or `curve_tests`.
-
-    Attributes
-    ----------
-    kind : str
-        Kind of a zero: "fold", "grazing" (contact of a guard with impacts), …, or the name of
-        another guard whose margin is zero.
+    one is a subclass, listed in `orbit_tests` or `curve_tests`. `kind`, of a zero, is "fold",
+    "grazing" (contact of a guard with impacts), …, or the name of another guard whose margin is
+    zero.
     """
 
     __test__ = False  # keeps pytest from collecting the class
@@ -353,12 +331,7 @@ class TestFunction(ABC):
     def value(self, equations: Any, point: Any, direction: Floats) -> float | None:
         """Return the value at a solution of the equations; None where it is undefined.
 
-        Parameters
-        ----------
-        equations : Shooting or EquilibriumEquations
-        point : ShootingEvaluation or EquilibriumEvaluation
-        direction : float array
-            Tangent of the branch.
+        `direction` is the tangent of the branch.
         """
 
     def on_curve(self, condition: DefiningSystem, point: Any) -> float | None:
@@ -370,10 +343,7 @@ class TestFunction(ABC):
     ) -> float | None:
         """Return the position of a zero in a step of the curve; None if it is not confirmed.
 
-        Raises
-        ------
-        ValueError
-            If no zero is found.
+        Raises ValueError if no zero is found.
         """
 
         def value(point: Any) -> float:
@@ -634,15 +604,10 @@ class CurveTest(TestFunction):
 class MultiplierTest(TestFunction):
     """A test function of the multipliers on a curve, for its points of codimension two.
 
-    Attributes
-    ----------
-    kind : str
-        Kind of the points of the curve.
-    test : str
-        `PLUS`, `MINUS`, `PAIR`, or a resonance.
+    `kind` is that of the points of the curve.
     """
 
-    test: str
+    test: str  # `PLUS`, `MINUS`, `PAIR`, or a resonance
 
     @property
     def name(self) -> str:

@@ -50,16 +50,9 @@ class FunctionCondition(DefiningSystem):
 
 @dataclass(frozen=True)
 class FunctionTest(TestFunction):
-    """A function that the user gives, zero at the points of interest.
+    """A function that the user gives, zero at the points of interest, which `kind` names."""
 
-    Attributes
-    ----------
-    kind : str
-        The user's name of the points.
-    function : callable
-        ``function(equations, point)`` returns the value, NaN where it is undefined.
-    """
-
+    # ``function(equations, point)`` returns the value, NaN where it is undefined.
     function: Callable[[Any, Any], float]
     condition: ClassVar[type[DefiningSystem]] = FunctionCondition
 
@@ -70,13 +63,7 @@ class FunctionTest(TestFunction):
 
 
 class FunctionZeros(Generic[P]):
-    """Search for the zeros of functions along a branch.
-
-    Parameters
-    ----------
-    equations : Shooting or EquilibriumEquations
-    tests : sequence of FunctionTest
-    """
+    """Search for the zeros of functions along a branch."""
 
     def __init__(self, equations: Any, tests: Sequence[FunctionTest]) -> None:
         self.equations, self.tests = equations, tests
