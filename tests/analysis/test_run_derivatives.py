@@ -285,6 +285,41 @@ def test_three_events_in_one_instant_in_every_order(order):
     assert along == pytest.approx(exact, abs=1e-9)
 
 
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_three_resets_in_one_instant_that_do_not_commute(order):
+    """They happen in the order of the guards; a direction has derivatives if it keeps the order."""
+    resets = [lambda r: 0.5 * r, lambda r: r + 0.3, lambda r: r * r]
+    guards = [
+        mi.Guard(
+            f"guard {i}",
+            lambda mode, t, y, p, i=i: (y.x, y.y, y.w)[i],
+            lambda mode, t, y, p, reset=resets[i]: (mode, (y.x, y.y, y.w, reset(y.r), y.z)),
+        )
+        for i in order
+    ]
+    system = mi.System(
+        states=("x", "y", "w", "r", "z"), flow=lambda mode, t, y, p: (-1.0, -1.0, -1.0, 0.0, y.r),
+        initial={"x": 1.0, "y": 1.0, "w": 1.0, "r": 2.0}, guards=guards,
+    )  # fmt: skip
+    run = mi.simulate(system, duration=3.0, options=INTERPRETED)
+    levels = [2.0]
+    for i in order:
+        levels.append(resets[i](levels[-1]))
+    assert [run.final.r, run.final.z] == pytest.approx([levels[-1], 2.0 + 2.0 * levels[-1]])
+    names = ["x0.x", "x0.y", "x0.w"]
+    found = run.derivatives(names)
+    assert found.final.loc[["r", "z"]].isna().all(axis=None)
+    for times in permutations((0.0, 1.0, 2.0)):  # of guard 0, 1, 2
+        along = found.directional(dict(zip(names, times, strict=True))).final.loc["z", "direction"]
+        if sorted(range(3), key=times.__getitem__) == list(order):
+            first, second, third = (times[i] for i in order)
+            exact = levels[0] * first + levels[1] * (second - first)
+            exact += levels[2] * (third - second) - levels[3] * third
+            assert along == pytest.approx(exact, abs=1e-9)
+        else:
+            assert math.isnan(along)
+
+
 def test_a_graze_is_refused():
     def run(depth, options=FINE):
         level = 1.0 - depth

@@ -169,6 +169,15 @@ class Drawn:
         )
 
     @property
+    def touching(self) -> set[int | None]:
+        """Bodies that are in contact with a stop at the start."""
+        judge = Judge(self.bodies)
+        y = np.concatenate([self.start, [1.0, 1.0, 0.0]])
+        stops = [contact for contact in self.bodies.contacts if isinstance(contact, Stop)]
+        closed = [stop for stop in stops if judge.row(stop, False) @ y == 0.0]
+        return {body for stop in closed for body in (stop.one, stop.other)}
+
+    @property
     def named(self) -> dict[str, float]:
         n = len(self.bodies.masses)
         return {f"{'xv'[k // n]}{k % n}": float(value) for k, value in enumerate(self.start)}

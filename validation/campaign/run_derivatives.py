@@ -126,8 +126,12 @@ def _bodies(seed: int, number: int) -> Case:
     drawn = contacts.Drawn(seed, number)
     rng = np.random.default_rng([seed, 13, number])
     system, start = drawn.system(bool(number % 2)), drawn.named
-    moving = [name for name in system.states if name[0] == "v" and start[name] != 0.0]
-    moving = moving or [name for name in system.states if name[0] == "x"]
+    # Another start would move these bodies off their stops.
+    free = [name for name in system.states if int(name[1:]) not in drawn.touching]
+    if not free:
+        raise mi.InvalidParameter("start", start, "a start with a body away from its stops")
+    moving = [name for name in free if name[0] == "v" and start[name] != 0.0]
+    moving = moving or [name for name in free if name[0] == "x"]
     state, aside = str(rng.choice(moving)), float(0.3 * rng.normal())
 
     def run(h: float) -> mi.Run:
