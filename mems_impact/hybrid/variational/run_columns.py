@@ -53,7 +53,6 @@ from mems_impact.hybrid.variational.saltation import (
 from mems_impact.integrators import interface
 
 SAMPLE = -1  # kind of a piece that ends without an event
-NOTHING = 0, 0.0, SAMPLE, 0, 0
 DONE = -1  # result of `propagate_columns`
 LOCATION = 1e-12  # largest error of the location of an event, in time scales
 
@@ -512,7 +511,6 @@ class RunColumns:
         """Return the row of the event log of each piece, and the pieces."""
         trajectory, problem, n, s = self._trajectory, self._problem, self._n, self._s
         log, start, period = trajectory.events, trajectory.start, problem.period
-        switches = np.array(problem.switches)
         inside = (APPROACH, SECTION_CROSSING) if inner else ()
         kinds = (TRANSITION, ACCUMULATION, SWITCH, REBASE, *inside)
         shown = np.flatnonzero(np.isin(log.kind, kinds))
@@ -521,37 +519,40 @@ class RunColumns:
         numbers = np.concatenate([shown, np.full(samples.size, -1)])
         order = np.argsort(np.concatenate([np.arange(shown.size) + 0.5, places]), kind="stable")
         rows, count = numbers[order], len(order)
-        pieces: list[tuple[int, ...]] = []
-        times: list[tuple[float, ...]] = []
-        switch_rates = np.zeros((count, s))
-        base, time, mode, shift = start.cycle, start.time, start.mode, 0
-        reached = base, time  # cycle and time of the last event
-        later = np.concatenate([np.full(shown.size, np.nan), samples])[order].tolist()
+        later = np.concatenate([instants, samples])[order]
+        # The last entry is that of a sample, or of the start before the first event.
         events = log.cycle, log.time, log.kind, log.guard, log.mode_after
-        listed = list(zip(*(column.tolist() for column in events), strict=True))
-        for i, row in enumerate(rows.tolist()):
-            cycle, instant, kind, guard, mode_after = listed[row] if row >= 0 else NOTHING
-            # Events of one instant have one time base.
-            if reached[0] != base and (row < 0 or (cycle, instant) != reached):
-                shift, (base, time) = reached[0] - base, reached
-            if row < 0 or kind in inside:
-                end = max((later[i] if row < 0 else cycle * period + instant) - base * period, time)
-                approaches = row >= 0 and kind == APPROACH
-                pieces.append((mode, APPROACH if approaches else SAMPLE, guard, mode))
-                times.append((time, end, shift, base))
-                time, shift = end, 0
-                continue
-            end = max(instant + (cycle - base) * period, time)
-            pieces.append((mode, kind, guard, mode_after))
-            times.append((time, end, shift, base))
-            if kind == SWITCH and switches.size:
-                whole = np.round((switches - instant) / period)
-                nearest = int(np.argmin(np.abs(switches - instant - whole * period)))
-                later_periods = cycle - base - whole[nearest]
-                switch_rates[i] = self._quantities.switch_rates[:, nearest]
-                switch_rates[i] += later_periods * self._quantities.period_rates
-            shift, time, mode, reached = 0, end, mode_after, (cycle, instant)
-        happens = ~np.isin([kind for _, kind, *_ in pieces], (SAMPLE, *inside))
+        first = start.cycle, start.time, SAMPLE, 0, start.mode
+        listed = [np.append(column, last) for column, last in zip(events, first, strict=True)]
+        cycle, instant, kind, guard, mode_after = (column[rows] for column in listed)
+        logged = rows >= 0
+        happens = logged & ~np.isin(kind, inside)
+        numbered = np.arange(count)
+        latest = np.maximum.accumulate(np.where(happens, numbered, -1))
+        before = np.where(latest >= 0, rows[latest], -1)
+        before = np.concatenate([[-1], before[:-1]])
+        reached, since, _, _, mode = (column[before] for column in listed)
+        # Events of one instant have one time base.
+        moves = ~(logged & (cycle == reached) & (instant == since))
+        bases = np.append(reached, start.cycle)[
+            np.maximum.accumulate(np.where(moves, numbered, -1))
+        ]
+        shifts = np.diff(bases, prepend=start.cycle)
+        ends_at = np.where(happens, instant + (cycle - bases) * period, later - bases * period)
+        begins = np.empty(count)
+        time = start.time
+        for i, (end, shift) in enumerate(zip(ends_at.tolist(), shifts.tolist(), strict=True)):
+            begins[i] = time = since[i] if shift else time
+            ends_at[i] = time = max(end, time)
+        switch_rates, switches = np.zeros((count, s)), np.array(problem.switches)
+        for i in np.flatnonzero(kind == SWITCH) if switches.size else ():
+            whole = np.round((switches - instant[i]) / period)
+            nearest = int(np.argmin(np.abs(switches - instant[i] - whole * period)))
+            later_periods = cycle[i] - bases[i] - whole[nearest]
+            switch_rates[i] = self._quantities.switch_rates[:, nearest]
+            switch_rates[i] += later_periods * self._quantities.period_rates
+        shown_kind = np.where(happens | (kind == APPROACH), kind, SAMPLE)
+        pieces = np.column_stack([mode, shown_kind, guard, np.where(happens, mode_after, mode)])
         starts, arrivals = np.full((2, 1 + count, n), np.nan)
         ends = np.zeros((count, n))
         starts[0], ends[happens] = start.y, log.after[rows[happens]]
@@ -565,8 +566,8 @@ class RunColumns:
         path = ColumnPath(
             variational=self._workspace,
             columns=s,
-            pieces=np.array(pieces, dtype=np.int64).reshape(count, 4),
-            times=np.array(times, dtype=float).reshape(count, 4),
+            pieces=pieces.astype(np.int64),
+            times=np.column_stack([begins, ends_at, shifts, bases]),
             starts=starts[:count],
             arrivals=arrivals[:count],
             ends=ends,
