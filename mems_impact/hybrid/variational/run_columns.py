@@ -545,7 +545,7 @@ class RunColumns:
             begins[i] = time = since[i] if shift else time
             ends_at[i] = time = max(end, time)
         switch_rates, switches = np.zeros((count, s)), np.array(problem.switches)
-        for i in np.flatnonzero(kind == SWITCH) if switches.size else ():
+        for i in np.flatnonzero(kind == SWITCH).tolist() if switches.size else ():
             whole = np.round((switches - instant[i]) / period)
             nearest = int(np.argmin(np.abs(switches - instant[i] - whole * period)))
             later_periods = cycle[i] - bases[i] - whole[nearest]
