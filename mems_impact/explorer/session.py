@@ -46,7 +46,8 @@ ANGULAR, TURN = "rad/s", 2.0 * math.pi  # an angular frequency is shown in Hz
 def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
     """Return the display unit for numbers up to a size: divisor and name.
 
-    The first factor of an SI unit such as "N s/m" takes the prefix, if it can.
+    The first factor of an SI unit such as "N s/m" takes the prefix, if it can. Sizes from 0.1 to
+    10^4 take none, unless in kg.
 
     >>> best_si_prefix("m", 5e-6), best_si_prefix("kg", 2e-6), best_si_prefix("rad/s", 750.0)
     ((1e-06, 'µm'), (1e-06, 'mg'), (1.0, 'rad/s'))

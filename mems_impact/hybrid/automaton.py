@@ -143,75 +143,53 @@ class Automaton:
     """Modes, flow, guards and transitions, written as plain scalar functions.
 
     The functions run interpreted and compiled by numba: they read and write arrays element by
-    element, and call only functions of this kind. ``y`` is the state, ``p`` the parameters,
-    ``mode`` an index into `modes`.
+    element, and call only functions of this kind. ``y`` is the state of n components, ``p`` the
+    parameters, ``mode`` an index into `modes`; ``t`` is measured from the start of the current
+    period of the run (see `clock`).
 
-    Parameters
-    ----------
-    states : tuple of str
-        Names of the ``n`` components of the state.
-    modes : tuple of str
-        Names of the modes.
-    guards : tuple of Guard
-        The ``m`` guards; a guard's number is its place here.
-    flow : callable
-        ``flow(mode, t, y, p, dy)`` writes the time derivative of the state. It must be defined,
-        finite and smooth a little beyond every guard, since a trial step may go there.
-    margins : callable
-        ``margins(mode, t, y, p, g, r)`` writes the margins ``g`` and their time derivatives ``r``.
-        A margin that is inactive in `mode` is a positive constant, and so is its rate. The rates
-        detect margins that become negative and positive again within one step; a constant rate
-        disables this detection. An impact needs its true rate, the speed of approach, which
-        distinguishes a rebound from a persistent contact.
-    transition : callable
-        ``transition(mode, code, t, y, p)`` changes ``y`` in place and returns the new mode.
-        ``code`` is the number of the guard; ``m + number`` at the accumulation point of impacts at
-        that guard (an impact without rebound); ``2 m`` after a switch of the drive, when the mode
-        has to be determined again.
-    cyclic : tuple of int
-        Components that enter flow, margins and transitions by differences only. Every arc
-        integrates them from zero, and their offsets are accumulated separately, which preserves
-        their accuracy.
-    constrained : tuple of int, optional
-        Modes whose states lie on an invariant manifold, such as bodies in contact or a state that
-        slides along a surface. In these modes ``transition`` with the code ``2 m + 1`` projects a
-        state onto the manifold; the flow off the manifold has no meaning.
-    stiff : bool, optional
-        Whether the flow may have decay rates far above those of its motion; the default method is
-        then "auto".
-    bounds : bool, optional
-        Whether compiled functions check array bounds: an access out of bounds raises
-        `FunctionError`. The checks cost up to 3 % of run time.
-    forced : bool, optional
-        Whether flow and margins have the period of the problem. Otherwise its switching times are
-        absolute.
-    clock : int, optional
-        Index of the time base in the parameter array. The loop sets it to the start of the current
-        period, to which functions add ``t``.
-    timed : tuple of int, optional
-        Guards whose margins add it.
-    recipe : tuple of callable and tuple, optional
-        A function and its arguments that construct this automaton; used to pickle it if its
-        functions cannot be imported by name.
+    ``flow(mode, t, y, p, dy)`` writes the time derivative of the state. It must be defined, finite
+    and smooth a little beyond every guard, since a trial step may go there.
 
-    Notes
-    -----
-    ``t`` is measured from the start of the current period of the run; see `clock`.
+    ``margins(mode, t, y, p, g, r)`` writes the margins ``g`` of the m guards and their time
+    derivatives ``r``. A margin that is inactive in `mode` is a positive constant, and so is its
+    rate. The rates detect margins that become negative and positive again within one step; a
+    constant rate disables this detection. An impact needs its true rate, the speed of approach,
+    which distinguishes a rebound from a persistent contact.
+
+    ``transition(mode, code, t, y, p)`` changes ``y`` in place and returns the new mode. ``code`` is
+    the number of the guard; ``m + number`` at the accumulation point of impacts at that guard (an
+    impact without rebound); ``2 m`` after a switch of the drive, when the mode has to be determined
+    again.
     """
 
     states: tuple[str, ...]
     modes: tuple[str, ...]
-    guards: tuple[Guard, ...]
+    guards: tuple[Guard, ...]  # a guard's number is its place here
     flow: Callable[..., Any]
     margins: Callable[..., Any]
     transition: Callable[..., Any]
+    # Components that enter flow, margins and transitions by differences only. Every arc integrates
+    # them from zero, and their offsets are accumulated separately, which preserves their accuracy.
     cyclic: tuple[int, ...] = ()
+    # Modes whose states lie on an invariant manifold, such as bodies in contact or a state that
+    # slides along a surface. In these modes ``transition`` with the code ``2 m + 1`` projects a
+    # state onto the manifold; the flow off the manifold has no meaning.
     constrained: tuple[int, ...] = ()
+    # Whether the flow may have decay rates far above those of its motion; the default method is
+    # then "auto".
     stiff: bool = False
+    # Whether flow and margins have the period of the problem. Otherwise its switching times are
+    # absolute.
     forced: bool = True
+    # Index of the time base in the parameter array. The loop sets it to the start of the current
+    # period, to which functions add ``t``.
     clock: int | None = None
-    timed: tuple[int, ...] = ()
+    timed: tuple[int, ...] = ()  # guards whose margins add the time base
+    # Whether compiled functions check array bounds: an access out of bounds raises FunctionError.
+    # The checks cost up to 3 % of run time.
     bounds: bool = field(default=True, compare=False)
+    # A function and its arguments that construct this automaton; used to pickle it if its functions
+    # cannot be imported by name.
     recipe: tuple[Callable[..., Any], tuple[Any, ...]] | None = field(
         default=None, compare=False, repr=False
     )

@@ -78,47 +78,28 @@ TIME_BASE, SCRATCH = 1, 2  # places after the parameters; that of the step of ra
 
 @dataclass(frozen=True, kw_only=True)
 class Definition:
-    """A user's definition of an automaton.
-
-    Attributes
-    ----------
-    states, modes, parameters : tuple of str
-        Names.
-    flow : callable
-        ``flow(mode, t, y, p)`` returns the time derivatives of the states.
-    guards : tuple of Guard
-        Each with its margin.
-    switch_transition : callable or None
-        ``switch_transition(mode, t, y, p)`` returns mode and state after a switching time.
-    cyclic : tuple of int
-    constrained : tuple of int
-        Modes whose states lie on a manifold.
-    projection : callable or None
-        ``projection(mode, t, y, p)`` returns the mode and the state projected onto the manifold.
-    sizes : tuple of float
-        Units of the states and, last, of time in messages; empty if all are 1.
-    constraints : tuple of (int, callable)
-        A mode, and ``constraint(mode, t, y, p)``, which is zero in that mode. Such modes are
-        constrained, and their projection is generated.
-    forced : bool
-        Whether the system has a period, which is then that of its flow, margins and constraints.
-    array_size : int or None
-        Functions receive the parameter array itself in place of named parameters, whose first
-        numbers these are; further ones may follow the `hidden_parameters`.
-    """
+    """A user's definition of an automaton, whose functions take (mode, t, y, p)."""
 
     states: tuple[str, ...]
     modes: tuple[str, ...]
     parameters: tuple[str, ...]
-    flow: Callable[..., Any]
-    guards: tuple[Guard, ...] = ()
+    flow: Callable[..., Any]  # returns the time derivatives of the states
+    guards: tuple[Guard, ...] = ()  # each with its margin
+    # Returns mode and state after a switching time.
     switch_transition: Callable[..., Any] | None = None
     cyclic: tuple[int, ...] = ()
-    constrained: tuple[int, ...] = ()
+    constrained: tuple[int, ...] = ()  # modes whose states lie on a manifold
+    # Returns the mode and the state projected onto the manifold.
     projection: Callable[..., Any] | None = None
+    # Units of the states and, last, of time in messages; empty if all are 1.
     sizes: tuple[float, ...] = ()
+    # A mode, and a function that is zero in that mode. Such modes are constrained, and their
+    # projection is generated.
     constraints: tuple[tuple[int, Callable[..., Any]], ...] = ()
+    # Whether the system has a period, which is then that of its flow, margins and constraints.
     forced: bool = True
+    # Functions receive the parameter array itself in place of named parameters, which are its first
+    # numbers; further numbers may follow the `hidden_parameters`.
     array_size: int | None = None
 
     def __reduce__(self) -> Any:
@@ -208,10 +189,7 @@ def hidden_parameters(definition: Definition) -> int:
 def writes_into_arrays(flow: Callable[..., Any]) -> bool:
     """Return whether a flow has an output array.
 
-    Raises
-    ------
-    InvalidParameter
-        If it takes another number of arguments.
+    Raises InvalidParameter if it takes another number of arguments.
     """
     count = len(inspect.signature(flow).parameters)
     if count not in (NAMED_FORM, ARRAY_FORM):
@@ -223,12 +201,8 @@ def writes_into_arrays(flow: Callable[..., Any]) -> bool:
 class _CodeWriter:
     """Writes the source of an automaton's functions over arrays.
 
-    Attributes
-    ----------
-    clock : int or None
-        Index of the time base in the parameter array, if a function reads it.
-    timed : list of int
-        Guards whose margins receive the time since the start of the run.
+    `clock` is the index of the time base in the parameter array, if a function reads it; margins of
+    the guards `timed` receive the time since the start of the run.
     """
 
     clock: int | None = None
@@ -413,20 +387,12 @@ def function(signature: str, lines: Sequence[str]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Typical:
-    """Typical sizes: the units of the numerics in units of the user.
-
-    Attributes
-    ----------
-    states, parameters : tuple of float
-    time : float
-    margins : tuple of (str, float)
-        By the names of guards; 1 for all others.
-    """
+    """Typical sizes: the units of the numerics in units of the user."""
 
     states: tuple[float, ...]
     parameters: tuple[float, ...]
     time: float
-    margins: tuple[tuple[str, float], ...] = ()
+    margins: tuple[tuple[str, float], ...] = ()  # by the names of guards; 1 for all others
 
 
 def power_of_two(value: float) -> float:

@@ -93,10 +93,7 @@ PARTS = {"orbits": compile_orbits, "attractors": compile_attractors}
 def compile_side_by_side(*tasks: tuple[Sequence[str], dict[str, str]]) -> None:
     """Compile parts in several processes; a task has arguments of this command and variables.
 
-    Raises
-    ------
-    CalledProcessError
-        If a part cannot be compiled.
+    Raises CalledProcessError if a part cannot be compiled.
     """
 
     def compile_task(task: tuple[Sequence[str], dict[str, str]]) -> None:

@@ -24,15 +24,7 @@ Section = tuple[int, float, int]  # component, level, direction of the crossing 
 
 
 class ProblemParameters(NamedTuple):
-    """The part of a problem that depends on the values of its parameters.
-
-    Attributes
-    ----------
-    parameters : float array
-    period : float
-    switches : tuple of float
-    time_scale : float or None
-    """
+    """The part of a problem that depends on the values of its parameters."""
 
     parameters: Any
     period: float
@@ -46,46 +38,33 @@ class Problem:
 
     A run works in any units. Orbits need time and states of order one, which the differences of
     `mems_impact.hybrid.variational.derivatives` assume.
-
-    Parameters
-    ----------
-    automaton : Automaton
-    parameters : float array
-        ``p`` of the automaton's functions.
-    period : float
-        Unit of run lengths: the period of the drive, or any time for an autonomous system.
-    switches : tuple of float
-        Times in (0, period] at which flow or margins jump; without forcing, any times above 0.
-    section : tuple (component, level, direction) or None
-        Record crossings of ``y[component] = level``; direction 0 for both.
-    options : Options
-        Integration options. The default is a method that suits the automaton; another method or
-        engine replaces one that this machine lacks.
-    time_scale : float or None
-        Time that resolves the forcing and the vector field; the period by default.
-    unavailable_reason : str
-        Why the problem cannot be run: the functions of its automaton are missing.
-    discontinuity_check : callable or None
-        ``discontinuity_check(at, length)`` is called if a step of a run collapses without an event
-        nearby, with the state at its start; it warns if the flow is discontinuous there, and
-        returns whether it is.
-    mode_failure : callable or None
-        ``mode_failure(code, at)`` returns why no mode fits a state, by the code that the transition
-        returned, and the remedy.
     """
 
     automaton: Automaton
-    parameters: Any
+    parameters: Any  # ``p`` of the automaton's functions
+    # Unit of run lengths: the period of the drive, or any time for an autonomous system.
     period: float
+    # Times in (0, period] at which flow or margins jump; without forcing, any times above 0.
     switches: tuple[float, ...] = ()
+    # Component, level and direction: record crossings of ``y[component] = level``; direction 0 for
+    # both.
     section: Section | None = None
+    # By default a method that suits the automaton; another method or engine replaces one that this
+    # machine lacks.
     options: Options = field(default_factory=Options)
+    # Time that resolves the forcing and the vector field; the period by default.
     time_scale: float | None = None
+    # Why the problem cannot be run: the functions of its automaton are missing.
     unavailable_reason: str = ""
+    # ``discontinuity_check(at, length)`` is called if a step of a run collapses without an event
+    # nearby, with the state at its start; it warns if the flow is discontinuous there, and returns
+    # whether it is.
     discontinuity_check: Callable[[HybridState, float], bool] | None = field(
         default=None, compare=False, repr=False
     )
 
+    # ``mode_failure(code, at)`` returns why no mode fits a state, by the code that the transition
+    # returned, and the remedy.
     mode_failure: Callable[[int, HybridState], tuple[str, str]] | None = field(
         default=None, compare=False, repr=False
     )

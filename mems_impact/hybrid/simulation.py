@@ -39,33 +39,20 @@ INSTANT_RTOL = 1e-12  # part of the period within which two instants are one
 
 @dataclass(frozen=True)
 class Events:
-    """Rows of the event log, as columns.
+    """Rows of the event log, as columns of shape (k,), states (k, n)."""
 
-    Attributes
-    ----------
-    cycle : int array, shape (k,)
-        Periods completed before the event.
-    time : float array, shape (k,)
-        Time since the start of that period, 0 <= time < period.
-    kind : int array, shape (k,)
-        TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE or HANDOVER of
-        `mems_impact.hybrid.event_loop.loop`.
-    guard : int array, shape (k,)
-        Number of the guard; for a crossing of the section the sign of the crossing; for a handover
-        the engine's memory of the mode (see `mems_impact.integrators.auto.stiffness`).
-    mode_before, mode_after : int array, shape (k,)
-    before, after : float array, shape (k, n)
-        The state just before and just after the event.
-    """
-
-    cycle: NDArray[np.int64]
-    time: Floats
+    cycle: NDArray[np.int64]  # periods completed before the event
+    time: Floats  # since the start of that period, 0 <= time < period
+    # TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE or HANDOVER of
+    # `mems_impact.hybrid.event_loop.loop`.
     kind: NDArray[np.int64]
+    # Number of the guard; for a crossing of the section the sign of the crossing; for a handover
+    # the engine's memory of the mode (see `mems_impact.integrators.auto.stiffness`).
     guard: NDArray[np.int64]
     mode_before: NDArray[np.int64]
     mode_after: NDArray[np.int64]
-    before: Floats
-    after: Floats
+    before: Floats  # the state just before the event
+    after: Floats  # the state just after the event
 
     @classmethod
     def from_rows(cls, rows: Floats) -> Events:
@@ -104,13 +91,8 @@ class Events:
     def arcs_until(self, since: Floats) -> NDArray[np.bool_]:
         """Return where the rows begin an arc that contains or precedes an instant.
 
-        The state at the time of a switch is the state before the switch, of the arc that the switch
-        ends.
-
-        Parameters
-        ----------
-        since : float array, shape (k,)
-            Time of each row since the instant, in periods.
+        `since`, shape (k,), is the time of each row since the instant, in periods. The state at the
+        time of a switch is the state before the switch, of the arc that the switch ends.
         """
         at_switch = bool((np.abs(since[self.kind == workspace.SWITCH]) <= INSTANT_RTOL).any())
         return self.starts_arc & (since <= (-INSTANT_RTOL if at_switch else 0.0))
@@ -177,51 +159,28 @@ class Events:
 
 @dataclass(frozen=True)
 class Samples:
-    """The state on a uniform grid of times.
-
-    Attributes
-    ----------
-    cycle : int array, shape (k,)
-    time : float array, shape (k,)
-        Time since the start of that period.
-    mode : int array, shape (k,)
-    y : float array, shape (k, n)
-    """
+    """The state on a uniform grid of k times."""
 
     cycle: NDArray[np.int64]
-    time: Floats
+    time: Floats  # since the start of the period `cycle`, shape (k,)
     mode: NDArray[np.int64]
-    y: Floats
+    y: Floats  # shape (k, n)
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A run: first and last state, and the recorded events.
-
-    Attributes
-    ----------
-    problem : Problem
-    start, final : HybridState
-    events : Events
-    steps, arcs : int
-        Steps of the method and arcs (restarts) that the run took.
-    ended : bool
-        Whether a transition ended the run.
-    implicit_arcs : int
-        Number of arcs that method ``"auto"`` began with BDF.
-    checkpoints : Samples
-        States at equal intervals, recorded during the run; by default none.
-    """
+    """A run: first and last state, and the recorded events."""
 
     problem: Problem = field(repr=False, compare=False)
     start: HybridState
     final: HybridState
     events: Events
-    steps: int
-    arcs: int
-    ended: bool
+    steps: int  # of the method
+    arcs: int  # restarts of the method
+    ended: bool  # whether a transition ended the run
+    # States at equal intervals, recorded during the run; by default none.
     checkpoints: Samples = field(repr=False)
-    implicit_arcs: int = 0
+    implicit_arcs: int = 0  # number of arcs that method ``"auto"`` began with BDF
 
     @property
     def automaton(self) -> Automaton:
@@ -253,15 +212,9 @@ class Trajectory:
     ) -> Samples:
         """Return the state at `per_period` equal intervals of every period.
 
-        The arcs concerned are integrated again. Steps do not depend on output times, so the samples
-        lie exactly on the trajectory of the run.
-
-        Parameters
-        ----------
-        per_period : int
-            Samples per period, above 0.
-        first, last : float, optional
-            Window in periods; the whole run by default.
+        `first` and `last` bound a window in periods; the whole run by default. The arcs concerned
+        are integrated again. Steps do not depend on output times, so the samples lie exactly on the
+        trajectory of the run.
         """
         start, final = self._arc_before(first), self.final
         if last is not None:
@@ -396,34 +349,13 @@ def run(
     progress: Callable[[float], None] | None = None,
     checkpoints: CheckpointGrid = NO_CHECKPOINTS,
 ) -> Trajectory:
-    """Integrate `problem` from `start` over `periods`.
+    """Integrate `problem` from `start` over `periods`, above 0.
 
-    Parameters
-    ----------
-    problem : Problem
-    start : HybridState
-    periods : float
-        Length of the run in periods, above 0.
-    consume : callable, optional
-        Called with every chunk of events. The chunks are then discarded, and memory does not grow
-        with the length of the run.
-    progress : callable, optional
-        Called several times a second with the completed periods.
-    checkpoints : CheckpointGrid, optional
-        Times of the trajectory's checkpoints; none by default.
-
-    Returns
-    -------
-    Trajectory
-
-    Raises
-    ------
-    InvalidParameter
-        If `start` does not fit the automaton, or `periods` is out of range.
-    RunError
-        If the run cannot continue; the error holds the partial result.
-    Interrupted
-        On Ctrl-C, with the partial result.
+    `consume` is called with every chunk of events. The chunks are then discarded, and memory does
+    not grow with the length of the run. `progress` is called several times a second with the
+    completed periods. Raises InvalidParameter if `start` does not fit the automaton or `periods` is
+    out of range; RunError if the run cannot continue, and Interrupted on Ctrl-C, both with the
+    partial result.
     """
     end = _end(problem, start, periods)
     return Simulation(problem, start, end, checkpoints, consume, progress).go()
@@ -467,22 +399,13 @@ MAX_SAMPLES = 2**25  # 1.6 GB for a motion of three states
 
 
 class Position(NamedTuple):
-    """Progress of a run.
-
-    Attributes
-    ----------
-    final : HybridState
-    steps, arcs, implicit_arcs : int
-        As in `Trajectory`.
-    events : int
-        Recorded events that have not been handed over.
-    """
+    """Progress of a run; `steps`, `arcs` and `implicit_arcs` as in `Trajectory`."""
 
     final: HybridState
     steps: int
     arcs: int
     implicit_arcs: int
-    events: int
+    events: int  # recorded events that have not been handed over
 
 
 class Simulation:

@@ -34,14 +34,9 @@ def reads_time(
 ) -> bool:
     """Return whether a function, or one to which it passes an argument, reads the argument.
 
-    Parameters
-    ----------
-    function : callable
-        Anything but a Python function counts as reading its arguments.
-    visited : set of (function, int), optional
-        Arguments that do not count as read. Those to which the argument is passed are added.
-    position : int, optional
-        Position of the argument.
+    The argument is that at `position`. Anything but a Python function counts as reading its
+    arguments. Arguments in `visited` do not count as read; those to which the argument is passed
+    are added.
     """
     visited = set() if visited is None else visited
     function = getattr(function, "py_func", function)  # of one that numba compiled

@@ -54,20 +54,11 @@ def bisected(
 
 
 class OtherEquations(NamedTuple):
-    """Other equations of the same orbit.
-
-    Attributes
-    ----------
-    shooting : Shooting
-    unknowns : float array
-        Of the orbit.
-    first : int
-        The former number of their first segment, in which a cycle may start.
-    """
+    """Other equations of the same orbit, with its unknowns."""
 
     shooting: Shooting
     unknowns: Floats
-    first: int = 0
+    first: int = 0  # the former number of their first segment, in which a cycle may start
 
 
 def divided(shooting: Shooting, point: ShootingEvaluation) -> OtherEquations | None:
@@ -112,13 +103,8 @@ def with_nodes(
 ) -> tuple[tuple[tuple[float, ...], ...], Floats]:
     """Return the nodes of all segments, and the states at the starts of their pieces.
 
-    Parameters
-    ----------
-    states : float array, shape (N, n)
-        At the starts of the segments.
-    starts, ends : float array, shape (N,)
-    instants : sequence of sequence of tuple
-        Times and states within each segment.
+    `states`, shape (N, n), are at the starts of the segments; `instants` has times and states
+    within each segment.
     """
     nodes, rows = [], []
     for state, start, end, inside in zip(states, starts, ends, instants, strict=True):

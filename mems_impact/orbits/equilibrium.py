@@ -35,42 +35,26 @@ EQUILIBRIUM_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an adm
 
 @dataclass(frozen=True, eq=False)
 class EquilibriumEvaluation(Linearization):
-    """One evaluation of the equations of an equilibrium: the flow is zero.
+    """One evaluation of the equations of an equilibrium in f unknowns and k active parameters.
 
-    Attributes
-    ----------
-    unknowns : float array, shape (f,)
-        The components of the state that are not cyclic.
-    values : float array, shape (k,)
-        Values of the active parameters.
-    residual : float array, shape (f,)
-        Their time derivatives. In a mode with a constraint manifold: those at the projected state,
-        plus the change by the projection, so that distances from the manifold decay at rate one.
-    derivatives : float array, shape (f, f + k)
-        By the unknowns and the active parameters.
+    The residual is zero if the flow is: the time derivatives of the unknowns. In a mode with a
+    constraint manifold: those at the projected state, plus the change by the projection, so that
+    distances from the manifold decay at rate one.
     """
 
-    unknowns: Floats
-    values: Floats
+    unknowns: Floats  # components of the state that are not cyclic, shape (f,)
+    values: Floats  # of the active parameters, shape (k,)
     residual: Floats
-    derivatives: Floats
+    derivatives: Floats  # by the unknowns and the active parameters, shape (f, f + k)
 
 
 @dataclass(frozen=True)
 class EquilibriumEquations:
-    """The equations of the equilibria of one mode, in a family.
-
-    Parameters
-    ----------
-    family : Family
-    mode : int
-    active : tuple of str, optional
-        Names of the parameters by which to differentiate.
-    """
+    """The equations of the equilibria of one mode, in a family."""
 
     family: Family
     mode: int
-    active: tuple[str, ...] = ()
+    active: tuple[str, ...] = ()  # names of the parameters by which to differentiate
     tolerance: ClassVar[float] = 0.0  # steps end at rounding: they cost little
 
     @cached_property
@@ -98,13 +82,7 @@ class EquilibriumEquations:
         return y
 
     def evaluate(self, unknowns: Floats, values: Floats) -> EquilibriumEvaluation:
-        """Evaluate the flow and its derivatives.
-
-        Raises
-        ------
-        OrbitError
-            If the flow is not defined there.
-        """
+        """Evaluate the flow and its derivatives; raise OrbitError where the flow is undefined."""
         try:
             x, frame = self._numbers(unknowns, values)
             residual = np.array(self._rates(_original, x.tolist()), dtype=float)
@@ -259,33 +237,21 @@ class EquilibriumEquations:
 
 @dataclass(frozen=True)
 class EquilibriumState:
-    """An equilibrium of a mode.
+    """An equilibrium of a mode."""
 
-    Attributes
-    ----------
-    family : Family
-        The family at the values of the equilibrium.
-    mode : int
-    balance : EquilibriumEvaluation
-    eigenvalues : complex array
-        Eigenvalues of the Jacobian of the flow, largest real part first, without the zeros of
-        `nullity`; restricted to the constraint manifold if contacts hold or the state slides.
-    nullity : int
-        Dimension of the continuum of equilibria that contains it, as for a stuck or resting body; 0
-        for an isolated equilibrium.
-    margins : float array, shape (m,)
-        Margins of all guards; positive for guards that are not active in the mode.
-    stable : bool or None
-        Whether all eigenvalues have negative real parts; None if one is imaginary within its error
-        and none has a positive real part.
-    """
-
-    family: Family
+    family: Family  # at the values of the equilibrium
     mode: int
     balance: EquilibriumEvaluation
+    # Eigenvalues of the Jacobian of the flow, largest real part first, without the zeros of
+    # `nullity`; restricted to the constraint manifold if contacts hold or the state slides.
     eigenvalues: NDArray[np.complex128]
+    # Dimension of the continuum of equilibria that contains it, as for a stuck or resting body; 0
+    # for an isolated equilibrium.
     nullity: int
+    # Of all guards, shape (m,); positive for guards that are not active in the mode.
     margins: Floats
+    # Whether all eigenvalues have negative real parts; None if one is imaginary within its error
+    # and none has a positive real part.
     stable: bool | None
 
     @property
@@ -325,19 +291,9 @@ class EquilibriumState:
 
 
 def find_equilibrium(family: Family, mode: int, guess: Floats) -> EquilibriumState:
-    """Find an equilibrium of a mode near a state, by Newton's method.
+    """Find an equilibrium of a mode of an autonomous system near a state, by Newton's method.
 
-    Parameters
-    ----------
-    family : Family
-        Family of an autonomous system.
-    mode : int
-    guess : float array, shape (n,)
-
-    Raises
-    ------
-    OrbitError
-        If Newton's method finds none near the guess.
+    Raises OrbitError if there is none near the guess.
     """
     equations = EquilibriumEquations(family, mode)
     solution = solve_at(

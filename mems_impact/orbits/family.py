@@ -25,11 +25,6 @@ class Family(ABC):
     """A problem for every set of values of its named parameters.
 
     The parameter array, the period and the switching times must be smooth in the values.
-
-    Parameters
-    ----------
-    values : mapping of str to float
-        Names and present values.
     """
 
     values: Mapping[str, float]
@@ -64,13 +59,7 @@ class Family(ABC):
         return self.at(**changes).problem().numbers
 
     def at(self, /, **changes: float) -> Self:
-        """Return the family at other values.
-
-        Raises
-        ------
-        InvalidParameter
-            If a name is not one of the family's.
-        """
+        """Return the family at other values; raise InvalidParameter for an unknown name."""
         differs = [self.value(name) != value for name, value in changes.items()]
         return replace(self, values={**self.values, **changes}) if any(differs) else self
 
@@ -84,13 +73,7 @@ class Family(ABC):
         return self.with_method("bdf" if stiff else "dop853")
 
     def value(self, name: str) -> float:
-        """Return the present value of a parameter.
-
-        Raises
-        ------
-        InvalidParameter
-            If the name is not one of the family's.
-        """
+        """Return the present value of a parameter; raise InvalidParameter for an unknown name."""
         if name not in self.values:
             names = ", ".join(self.values)
             raise InvalidParameter(field="parameter", value=name, allowed=f"one of {names}")
@@ -152,33 +135,19 @@ PERIOD_BISECTIONS = 40  # of the interval between two values, to distinguish a j
 
 @dataclass(frozen=True, eq=False)
 class ParameterPoint:
-    """A problem's numbers at some values of k parameters, with their derivatives by these.
+    """A problem's numbers at some values of k parameters, with derivatives (rates) by these."""
 
-    Attributes
-    ----------
-    values : float array, shape (k,)
-    parameters : float array, shape (count,)
-    directions : float array, shape (max(1, k), count)
-        Derivatives of the parameter array, each divided by its scale, for differences along unit
-        directions.
-    scales : float array, shape (k,)
-    period : float
-    period_rates : float array, shape (k,)
-    switches : float array, shape (s,)
-    switch_rates : float array, shape (k, s)
-    time_scale : float
-        Characteristic time of the forcing.
-    """
-
-    values: Floats
-    parameters: Floats
+    values: Floats  # shape (k,)
+    parameters: Floats  # shape (count,)
+    # Derivatives of the parameter array, shape (max(1, k), count), each divided by its scale, for
+    # differences along unit directions.
     directions: Floats
-    scales: Floats
+    scales: Floats  # shape (k,)
     period: float
-    period_rates: Floats
-    switches: Floats
-    switch_rates: Floats
-    time_scale: float
+    period_rates: Floats  # shape (k,)
+    switches: Floats  # shape (s,)
+    switch_rates: Floats  # shape (k, s)
+    time_scale: float  # characteristic time of the forcing
 
     @classmethod
     def of(cls, family: Family, active: tuple[str, ...], values: Floats) -> ParameterPoint:
@@ -202,13 +171,7 @@ class ParameterPoint:
         )  # fmt: skip
 
     def check_period(self, family: Family, active: tuple[str, ...], near: ParameterPoint) -> None:
-        """Check that the forcing period is continuous between `near` and here.
-
-        Raises
-        ------
-        OrbitError
-            If it jumps.
-        """
+        """Raise OrbitError if the forcing period jumps between `near` and here."""
         if _similar(near.period, self.period):
             return
         (begin, first), (end, last) = (near.values, near.period), (self.values, self.period)

@@ -43,19 +43,8 @@ def limit_cycle_guess(
 ) -> tuple[Shooting, OrbitGuess]:
     """Return the equations of a cycle and a guess of it, from a run.
 
-    Parameters
-    ----------
-    family : Family
-    start : HybridState
-    transient : float
-        Time to run before a return is sought.
-    period : float, optional
-        Period of the cycle near `start`; detected by default.
-
-    Raises
-    ------
-    OrbitError
-        If the motion does not return.
+    The run takes the time `transient` before a return is sought; the period of the cycle near
+    `start` is detected by default. Raises OrbitError if the motion does not return.
     """
     problem = family.problem()
     if transient > 0.0:

@@ -41,16 +41,9 @@ class Linearization:
 
 
 class SparseFactorization:
-    """LU factorization of a sparse square matrix.
+    """LU factorization of a sparse square matrix, given as an array.
 
-    Parameters
-    ----------
-    matrix : float array, shape (n, n)
-
-    Raises
-    ------
-    LinAlgError
-        If the matrix is singular.
+    Raises LinAlgError if the matrix is singular.
     """
 
     def __init__(self, matrix: Floats) -> None:
@@ -100,13 +93,7 @@ def is_sparse(matrix: Floats) -> bool:
 
 
 def solve_linear(matrix: Floats, right: Floats) -> Floats:
-    """Solve a system of linear equations.
-
-    Raises
-    ------
-    LinAlgError
-        If the matrix is singular.
-    """
+    """Solve a system of linear equations; raise LinAlgError if the matrix is singular."""
     if is_sparse(matrix):
         return SparseFactorization(matrix).solve(right)
     return np.asarray(np.linalg.solve(matrix, right), dtype=float)

@@ -139,13 +139,7 @@ def reduced_components(
 
 
 def multipliers_at(shooting: Shooting, point: ShootingEvaluation) -> Complexes:
-    """Return the multipliers at an orbit, in no order.
-
-    Raises
-    ------
-    OrbitError
-        If they are not finite.
-    """
+    """Return the multipliers at an orbit, in no order; raise OrbitError unless they are finite."""
     factors = monodromy_factors(shooting, point)
     if not np.isfinite(factors).all():
         raise OrbitError("the monodromy matrix is not finite", "take another guess", point)

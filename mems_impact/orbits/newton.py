@@ -87,20 +87,11 @@ class Solvable(Protocol[P_co]):
 
 
 class Solution(NamedTuple, Generic[P]):
-    """The result of Newton's method.
-
-    Attributes
-    ----------
-    unknowns : float array
-    point : ShootingEvaluation or EquilibriumEvaluation
-        Evaluation of the equations there.
-    iterations : int
-        Number of Newton steps larger than the integration error.
-    """
+    """The result of Newton's method: the unknowns and the evaluation of the equations there."""
 
     unknowns: Floats
     point: P
-    iterations: int
+    iterations: int  # number of Newton steps larger than the integration error
 
 
 def newton(
@@ -120,14 +111,11 @@ def newton(
     while no residual exceeds `RESIDUAL_TOLERANCE`: they are then at the level of the integration
     error. Steps below `RESIDUAL_TOLERANCE` that no longer shrink quadratically are accepted too,
     unless the tolerance is zero; then also those below `STEP_TOLERANCE` that still shrink after the
-    last iteration.
-    If the matrix is nearly singular, rounding alone may cause steps of any length, so the iteration
-    also ends at residuals of the order of rounding.
+    last iteration. If the matrix is nearly singular, rounding alone may cause steps of any length,
+    so the iteration also ends at residuals of the order of rounding.
 
-    Raises
-    ------
-    OrbitError
-        With `reason` and `remedy` if it does not converge; it holds the last `ShootingEvaluation`.
+    Raises OrbitError with `reason` and `remedy` if it does not converge; the error holds the last
+    `ShootingEvaluation`.
     """
     unknowns, previous, iterations_needed = guess, np.inf, iterations
     point, residual, matrix = equations(unknowns)
@@ -177,10 +165,8 @@ def newton(
 def solve(shooting: Shooting, unknowns: Floats, values: Floats) -> ShootingEvaluation:
     """Correct the unknowns of an orbit at fixed parameters.
 
-    Raises
-    ------
-    OrbitError
-        If the iteration does not converge; it holds the last `ShootingEvaluation`.
+    Raises OrbitError, which holds the last `ShootingEvaluation`, if the iteration does not
+    converge.
     """
     return solve_at(
         shooting,

@@ -48,34 +48,20 @@ MAX_DIVISIONS = 4  # of an orbit, whose perturbations grow more than those of it
 
 
 class Drift(NamedTuple):
-    """Components of the state that grow without bound and without effect on the functions.
-
-    Attributes
-    ----------
-    places : tuple of int
-    rates : float array
-        Gain of each per period of the problem.
-    kind : {"unread", "angle", "together"}
-        Whether functions are independent of them, 2 pi-periodic in each, or depend on their
-        differences only.
-    """
+    """Components of the state that grow without bound and without effect on the functions."""
 
     places: tuple[int, ...]
-    rates: Floats
+    rates: Floats  # gain of each per period of the problem
+    # Whether functions are independent of the components ("unread"), 2 pi-periodic in each
+    # ("angle"), or depend on their differences only ("together").
     kind: _Kind
 
 
 def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: bool) -> Drift | None:
     """Return the drift of a motion; None if there is none.
 
-    Parameters
-    ----------
-    problem : Problem
-    start : HybridState
-    units : float array, shape (n,)
-        The user's units of the components, in those of the numerics.
-    forced : bool
-        Whether the period of the problem is a forcing period.
+    `units`, shape (n,), are the user's units of the components, in those of the numerics; `forced`
+    says that the period of the problem is a forcing period.
     """
     try:
         longer = _drift_run(problem, replace(start, cycle=0, time=0.0), forced)
@@ -161,25 +147,10 @@ def find_periodic_orbit(
 ) -> PeriodicOrbit:
     """Find a periodic orbit of a forced system near a state.
 
-    A run over `periods` periods provides the signature, then Newton's method corrects all states
-    and event times. With method ``"auto"``, the orbit uses the method selected by that run.
-
-    Parameters
-    ----------
-    family : Family
-    guess : HybridState
-        A state near the orbit.
-    periods : int, optional
-        Periods of the problem after which the orbit closes; None to detect them in a run.
-    transient : float
-        Periods to run before the signature is determined.
-    active : tuple of str
-        Parameters in which the orbit is to be continued afterwards.
-
-    Raises
-    ------
-    OrbitError
-        If no orbit is found near the guess.
+    A run over `periods` periods of the problem, detected if None, and after a `transient`, provides
+    the signature, then Newton's method corrects all states and event times. With method ``"auto"``,
+    the orbit uses the method selected by that run. The orbit is to be continued in the parameters
+    `active` afterwards. Raises OrbitError if no orbit is found near the guess.
     """
     if periods is not None and periods < 1:
         raise InvalidParameter(field="periods", value=periods, allowed="1 or more")
@@ -230,20 +201,9 @@ def find_cycle(
 ) -> PeriodicOrbit:
     """Find a limit cycle, a periodic orbit of an autonomous system, near a state.
 
-    Parameters
-    ----------
-    family : Family
-    guess : HybridState
-        A state near the cycle, or in its basin of attraction.
-    period : float, optional
-        Approximate period of the cycle near `guess`; detected in a run by default.
-    transient : float
-        Time to run first.
-
-    Raises
-    ------
-    OrbitError
-        If the motion does not return or reaches an equilibrium, or if no cycle is found.
+    The guess is near the cycle, or in its basin of attraction if a run over the time `transient`
+    comes first. The approximate `period` is detected in a run by default. Raises OrbitError if the
+    motion does not return or reaches an equilibrium, or if no cycle is found.
     """
     shooting, read = limit_cycle_guess(family, guess, transient=transient, period=period)
     solution = _corrected(shooting, read)

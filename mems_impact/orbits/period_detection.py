@@ -151,15 +151,8 @@ def first_return(
 ) -> int:
     """Return the number of states after which the first (or last) one recurs; 0 for none.
 
-    Parameters
-    ----------
-    states : float array, shape (k, f)
-    modes : int array, shape (k,)
-    extent : float array, shape (f,)
-        Extent of the motion in each component.
-    from_last : bool, optional
-        Compare with the last state, for a sequence that converges; the recurrence must then have
-        occurred at least twice.
+    `states` has the shape (k, f), `extent` of the motion in each component (f,). For a sequence
+    that converges (`from_last`), the recurrence must have occurred at least twice.
     """
     if from_last:
         states, modes = states[::-1], modes[::-1]
@@ -190,24 +183,12 @@ def amplitude_of(trajectory: Trajectory, free: list[int]) -> Floats:
 
 
 class PeriodEstimate(NamedTuple):
-    """Number of forcing periods after which a motion returns.
-
-    Attributes
-    ----------
-    first_period : Trajectory
-        Its first period.
-    start_periods : int
-        Forcing periods until a return to its start; 0 without one.
-    end : HybridState
-        State after many periods.
-    end_periods : int
-        Forcing periods between returns to that state; 0 without one, or if not computed.
-    """
+    """Number of forcing periods after which a motion returns."""
 
     first_period: Trajectory
-    start_periods: int
-    end: HybridState
-    end_periods: int
+    start_periods: int  # until a return to its start; 0 without one
+    end: HybridState  # state after many periods
+    end_periods: int  # between returns to that state; 0 without one, or if not computed
 
 
 def detect_forcing_periods(problem: Problem, start: HybridState) -> PeriodEstimate:
@@ -238,18 +219,10 @@ def detect_period(
     """Detect the period of a motion of an autonomous system.
 
     Runs of increasing length continue until the motion returns to its first or to its last crossing
-    of a section: the plane through the start of a run normal to its fastest component.
-    ``amount(heading, value)`` gives a number in the units of the user.
-
-    Returns
-    -------
-    instant, period
-        A state near the cycle, and the time after which the motion returns to it.
-
-    Raises
-    ------
-    OrbitError
-        If the motion does not return, or reaches an equilibrium; `partial` is the last state.
+    of a section: the plane through the start of a run normal to its fastest component. The result
+    is a state near the cycle, and the time after which the motion returns to it. ``amount(heading,
+    value)`` gives a number in the units of the user. Raises OrbitError if the motion does not
+    return, or reaches an equilibrium; `partial` is the last state.
     """
     free = [i for i in free_components(problem.automaton) if not unread(problem, start, i)]
     free = free or list(free_components(problem.automaton))
@@ -288,18 +261,11 @@ def detect_period(
 
 @dataclass(frozen=True)
 class SectionReturns:
-    """Start of a motion in a section, and its crossings of the section.
+    """Start of a motion in a section, and its k crossings of the section."""
 
-    Attributes
-    ----------
-    times : float array, shape (k,)
-    states : float array, shape (k, n)
-    modes : int array, shape (k,)
-    """
-
-    times: Floats
-    states: Floats
-    modes: NDArray[np.int64]
+    times: Floats  # shape (k,)
+    states: Floats  # shape (k, n)
+    modes: NDArray[np.int64]  # shape (k,)
 
     @classmethod
     def of(cls, piece: Trajectory, start: HybridState, direction: int) -> SectionReturns:

@@ -23,16 +23,9 @@ PATIENCE = 8  # iterations after which an element is compared with the largest o
 
 
 def periodic_schur(factors: Floats) -> Complexes:
-    """Return the triangular factors T_k of a product ``A_(P-1) ... A_0``.
+    """Return the triangular factors T_k of a product ``A_(P-1) ... A_0``, shape (P, r, r).
 
-    Parameters
-    ----------
-    factors : float array, shape (P, r, r)
-
-    Raises
-    ------
-    LinAlgError
-        If the iteration does not converge.
+    Raises LinAlgError if the iteration does not converge.
     """
     count, size = factors.shape[:2]
     if count == 1:
@@ -118,13 +111,9 @@ def _shift(t: Complexes, begin: int, last: int) -> complex:
 def product_eigenvalues(factors: Floats) -> tuple[Complexes, Floats]:
     """Return the eigenvalues of a product, largest first, and their condition numbers.
 
-    A condition number is the relative change of the eigenvalue by relative changes of all factors,
-    each in units of its largest element. Eigenvalues of real factors are real, or in pairs.
-
-    Parameters
-    ----------
-    factors : float array, shape (P, r, r)
-        In the order of their application.
+    The factors, shape (P, r, r), are in the order of their application. A condition number is the
+    relative change of the eigenvalue by relative changes of all factors, each in units of its
+    largest element. Eigenvalues of real factors are real, or in pairs.
     """
     scales = np.abs(factors).max(axis=(1, 2), initial=0.0)
     scales[scales == 0.0] = 1.0

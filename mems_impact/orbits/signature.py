@@ -23,24 +23,14 @@ BOUNDARY = -1  # code of a segment that ends with the period, not with an event
 
 @dataclass(frozen=True)
 class Segment:
-    """A part of an orbit within one mode and one period.
-
-    Attributes
-    ----------
-    mode : int
-    cycle : int
-        Number of the period of the orbit that contains it.
-    code : int
-        Code of its end: the number of a guard, that number + m (the last impact of a chatter
-        sequence), 2 m (the drive switches), or BOUNDARY.
-    switch : int
-        Number of the switching time, for a switch of the drive; else -1.
-    """
+    """A part of an orbit within one mode and one period."""
 
     mode: int
-    cycle: int
+    cycle: int  # number of the period of the orbit that contains it
+    # Code of its end: the number of a guard, that number + m (the last impact of a chatter
+    # sequence), 2 m (the drive switches), or BOUNDARY.
     code: int
-    switch: int = -1
+    switch: int = -1  # number of the switching time, for a switch of the drive
 
     def guard(self, m: int) -> int:
         """Return the guard, among `m`, that ends it; NONE for the period or a switch."""
@@ -49,24 +39,13 @@ class Segment:
 
 @dataclass(frozen=True)
 class OrbitGuess:
-    """Segments with approximate states at their starts and times at their ends.
-
-    Attributes
-    ----------
-    segments : tuple of Segment
-    states : float array, shape (N, n)
-    times : float array, shape (N,)
-        End of each segment, since the start of its period.
-    stiff : bool
-        Whether method ``"auto"`` used BDF in the run.
-    nodes : tuple of tuple of float
-        Nodes of the segments, as of `Shooting`, whose states follow that of the segment's start.
-    """
+    """N segments with approximate states at their starts and times at their ends."""
 
     segments: tuple[Segment, ...]
-    states: Floats
-    times: Floats
-    stiff: bool = False
+    states: Floats  # shape (N, n)
+    times: Floats  # end of each segment, since the start of its period, shape (N,)
+    stiff: bool = False  # whether method ``"auto"`` used BDF in the run
+    # Of the segments, as of `Shooting`, whose states follow that of the segment's start.
     nodes: tuple[tuple[float, ...], ...] = ()
 
 
@@ -77,10 +56,7 @@ def read_guess(
 ) -> OrbitGuess:
     """Return the signature of a run of `periods` periods from `start`.
 
-    Raises
-    ------
-    OrbitError
-        If two transitions are simultaneous, which segments cannot represent.
+    Raises OrbitError if two transitions are simultaneous, which segments cannot represent.
     """
     start = at_period_start(problem, start)
     trajectory = run(problem, start, periods)

@@ -38,21 +38,11 @@ class Instant(NamedTuple):
 
 @dataclass(frozen=True)
 class SignSymmetry:
-    """A symmetry of a problem.
+    """A symmetry of a problem."""
 
-    Attributes
-    ----------
-    signs : tuple of int
-        Diagonal of S, one entry per state.
-    half_period : bool
-        Whether time is shifted by half a forcing period.
-    modes : dict of int to int
-        Images of the modes that the solution passes.
-    """
-
-    signs: tuple[int, ...]
-    half_period: bool
-    modes: dict[int, int] = field(compare=False)
+    signs: tuple[int, ...]  # diagonal of S, one entry per state
+    half_period: bool  # whether time is shifted by half a forcing period
+    modes: dict[int, int] = field(compare=False)  # images of the modes that the solution passes
 
     def state(self, y: Floats) -> Floats:
         """Return the image of a state."""

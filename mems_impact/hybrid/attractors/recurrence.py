@@ -306,17 +306,8 @@ def result_of(w: Any) -> Any:
 def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
     """Compute points until all are complete, one fails, or the quota of steps is used up.
 
-    Parameters
-    ----------
-    engine
-    s, w : records
-        LOOP_STATE and WORK.
-    quota : int
-
-    Returns
-    -------
-    int
-        DONE, PAUSED, or FAILED: the point before ``w.point`` has failed; the next call continues.
+    `s` and `w` are records LOOP_STATE and WORK. The result is DONE, PAUSED, or FAILED: the point
+    before ``w.point`` has failed; the next call continues.
     """
     while w.point < w.points:
         if w.begun == 0:

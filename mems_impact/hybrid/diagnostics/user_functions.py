@@ -208,14 +208,7 @@ class DomainError(Exception):
 
 
 class CheckedFunctions:
-    """The functions of a definition at some values of its parameters.
-
-    Parameters
-    ----------
-    definition : Definition
-    parameters : sequence of float
-        The user's parameters, without hidden ones.
-    """
+    """The functions of a definition at some values of its parameters, without hidden ones."""
 
     def __init__(self, definition: Definition, parameters: Sequence[float]) -> None:
         self.definition = definition

@@ -59,62 +59,36 @@ WORK_ROWS = 11  # rows of `work`
 class VariationalWorkspace(NamedTuple):
     """Sizes, constants and arrays of an arc and its event with derivatives.
 
-    Attributes
-    ----------
-    n, m, parameters, directions, max_steps : int
-        Numbers of state components, guards, parameters and directions; most steps per arc.
-    tangents : int or callable
-        Address of the compiled `mems_impact.hybrid.variational.flow.event_tangents`, or the
-        function.
-    width : int
-        Number of directions of a call of `tangents`.
-    memory : float array
-        Its argument.
-    work : float array, shape (WORK_ROWS, 2 m + n or more)
-    constrained : int array, shape (modes,)
-        1 for a mode whose states lie on a manifold.
-    row : float array
-        The arrays below, one after another (`segment_fields`).
-    head : float array, shape (6,)
-        Mode, and code of the transition at the end (or NO_EVENT); start, end, and the time at which
-        the margins at the end are evaluated. Output: the mode after the transition.
-    states : float array, shape (n (1 + columns),)
-        State and columns at the start; output: at the end.
-    slopes : float array, shape (2, n)
-        Output: the flow at start and end.
-    margins : float array, shape (2, 2 m)
-        Output: margins and rates at start and end.
-    after : float array, shape (n,)
-        Output: the state after the event.
-    minima : float array, shape (2, m)
-        Output: the smallest value of each margin at a closest approach inside the arc (inf if there
-        is none), and its time. Approaches that the engine does not detect by a sign change of the
-        rate count only if they may be near zero or below.
-    touches : float array, shape (m, n)
-        Output: the state at that time.
-    margin, jump : float array, shapes (2 m, 2 + n + directions), (n, ...)
-        Output: margins and rates before the event, and the state after it, each with its
-        derivatives: value, by each state component, by time, by each direction.
+    The arrays from `head` on are parts of `row`; those after `head` and `states` are output.
     """
 
-    n: int
+    n: int  # number of state components, as the next three of guards, parameters, directions
     m: int
     parameters: int
     directions: int
-    max_steps: int
+    max_steps: int  # of an arc
+    # Address of the compiled `mems_impact.hybrid.variational.flow.event_tangents`, or the function.
     tangents: Any
-    width: int
-    memory: Any
-    work: Any
-    constrained: Any
-    row: Any
+    width: int  # number of directions of a call of `tangents`
+    memory: Any  # argument of `tangents`
+    work: Any  # shape (WORK_ROWS, 2 m + n or more)
+    constrained: Any  # shape (modes,), 1 for a mode whose states lie on a manifold
+    row: Any  # the arrays below, one after another (`segment_fields`)
+    # Shape (6,): mode, code of the transition at the end (or NO_EVENT), start, end, and the time at
+    # which the margins at the end are evaluated. Output: the mode after the transition.
     head: Any
-    states: Any
-    slopes: Any
-    margins: Any
-    after: Any
+    states: Any  # state and columns at the start; output: at the end, shape (n (1 + columns),)
+    slopes: Any  # the flow at start and end, shape (2, n)
+    margins: Any  # margins and rates at start and end, shape (2, 2 m)
+    after: Any  # the state after the event, shape (n,)
+    # The smallest value of each margin at a closest approach inside the arc (inf if there is none),
+    # and its time, shape (2, m). Approaches that the engine does not detect by a sign change of the
+    # rate count only if they may be near zero or below.
     minima: Any
-    touches: Any
+    touches: Any  # the state at that time, shape (m, n)
+    # Margins and rates before the event and, next, the state after it, each with its derivatives:
+    # value, by each state component, by time, by each direction; shapes (2 m, 2 + n + directions),
+    # (n, ...).
     margin: Any
     jump: Any
 
@@ -162,20 +136,9 @@ def variational_workspace(
 def propagate_segments(engine: Any, block: Any, workspace: Any, rows: Any) -> int:
     """Compute segments from their initial states, without event detection.
 
-    Parameters
-    ----------
-    engine
-        Engine of the extended flow (see `mems_impact.hybrid.variational.flow`).
-    block : float array
-        `mems_impact.hybrid.variational.flow.extended_parameters`.
-    workspace : VariationalWorkspace
-    rows : float array
-        One for each segment, as `VariationalWorkspace.row`; the results are written into it.
-
-    Returns
-    -------
-    int
-        Number of a segment whose integration failed, or -1.
+    `engine` is that of the extended flow (see `mems_impact.hybrid.variational.flow`), `block` its
+    `extended_parameters`. The results are written into `rows`, each as `VariationalWorkspace.row`.
+    Returns the number of a segment whose integration failed, or -1.
     """
     n, slope, head, y = workspace.n, workspace.work[5], workspace.head, workspace.states
     for i in range(block.size):
@@ -210,22 +173,16 @@ def evaluate_shooting(
 ) -> int:  # fmt: skip
     """Compute segments and the shooting equations; see `mems_impact.orbits.shooting`.
 
-    The first four arguments and the result are those of `propagate_segments`.
+    The first four arguments and the result are those of `propagate_segments`. `layout`, an int
+    array of shape (1 + N, 3 + free), has the free components, from the fourth number on; then for
+    each segment the next one, the guard and its row of the equations (or -1), the rows of the
+    components of the next state. `states` has the shape (N, n); `starts` and `ends`, shape (N, 1 +
+    unknowns + k), are times with their derivatives; `scales`, shape (k,), are those of the
+    directions.
 
-    Parameters
-    ----------
-    layout : int array, shape (1 + N, 3 + free)
-        The free components, from the fourth number on. Then for each segment the next one, the
-        guard and its row of the equations (or -1), the rows of the components of the next state.
-    states : float array, shape (N, n)
-    starts, ends : float array, shape (N, 1 + unknowns + k)
-        Times with their derivatives.
-    scales : float array, shape (k,)
-        Of the directions.
-    residual, derivatives : float array, shapes (unknowns,), (unknowns, unknowns + k)
-        Output: the equations with their derivatives, but for a phase condition.
-    end_derivatives : float array, shape (N, n, unknowns + k)
-        Output: the derivatives of the states at the ends, before the events.
+    Output are the equations with their derivatives, but for a phase condition, shapes (unknowns,)
+    and (unknowns, unknowns + k); and the derivatives of the states at the ends, before the events,
+    shape (N, n, unknowns + k).
     """
     failure = propagate_segments(engine, block, workspace, rows)
     n, f, k, count = workspace.n, layout.shape[1] - 3, scales.size, derivatives.shape[1]
@@ -552,67 +509,37 @@ REORTHONORMALIZE_BELOW = 1e-3
 
 
 class PerturbationState(NamedTuple):
-    """A state of the run and k columns with their growth; changed in place.
+    """A state of the run and k columns with their growth; changed in place."""
 
-    Attributes
-    ----------
-    y : float array, shape (n (1 + k),)
-        The state, its cyclic components zero, then the columns, as in
-        `mems_impact.hybrid.variational.flow.tangent_flow`: orthonormal, in weighted components, but
-        for their cyclic components.
-    mode : int array, shape (1,)
-    t : float array, shape (1,)
-        Time since the time base of the loop.
-    shifts : float array, shape (k,)
-        Time by which the events of this instant are earlier for each column; negative if later.
-    growth : float array, shape (k,)
-        Logarithms of the growth of each column.
-    alive : int array, shape (k,)
-        0 for a column that an event has reduced to zero.
-    jumps : int array, shape (n,)
-        1 for a component that an event has affected.
-    length : float array, shape (1,)
-        Longest time between orthonormalizations, at most the time scale.
-    """
-
+    # The state, its cyclic components zero, then the columns, as in
+    # `mems_impact.hybrid.variational.flow.tangent_flow`: orthonormal, in weighted components, but
+    # for their cyclic components. Shape (n (1 + k),).
     y: Any
-    mode: Any
-    t: Any
+    mode: Any  # shape (1,)
+    t: Any  # time since the time base of the loop, shape (1,)
+    # Time by which the events of this instant are earlier for each column, shape (k,); negative if
+    # later.
     shifts: Any
-    growth: Any
-    alive: Any
-    jumps: Any
-    length: Any
+    growth: Any  # logarithms of the growth of each column, shape (k,)
+    alive: Any  # 0 for a column that an event has reduced to zero, shape (k,)
+    jumps: Any  # 1 for a component that an event has affected, shape (n,)
+    length: Any  # longest time between orthonormalizations, at most the time scale, shape (1,)
 
 
 class PropagationProblem(NamedTuple):
-    """Data of a problem for the propagation.
-
-    Attributes
-    ----------
-    variational : VariationalWorkspace
-    k : int
-        Number of columns.
-    period, scale, rtol, atol : float
-        `scale` is the problem's time scale.
-    cyclic : int array, shape (n,)
-        1 for a component that is cyclic.
-    records : int array, shape (m,)
-        1 for a guard that only records.
-    switches : float array, shape (s,)
-    weights : float array, shape (n,)
-        Powers of two by which components of columns are multiplied in lengths and products.
-    """
+    """Data of a problem for the propagation."""
 
     variational: VariationalWorkspace
-    k: int
+    k: int  # number of columns
     period: float
-    scale: float
+    scale: float  # the problem's time scale
     rtol: float
     atol: float
-    cyclic: Any
-    records: Any
-    switches: Any
+    cyclic: Any  # 1 for a component that is cyclic, shape (n,)
+    records: Any  # 1 for a guard that only records, shape (m,)
+    switches: Any  # shape (s,)
+    # Powers of two by which components of columns are multiplied in lengths and products, shape
+    # (n,).
     weights: Any
 
 
@@ -870,25 +797,11 @@ def stretch(engine: Any, s: Any, w: Any, state: Any, problem: Any, lengths: Any,
             quota: int) -> int:  # fmt: skip
     """Continue the run and its columns chunk by chunk.
 
-    Parameters
-    ----------
-    engine
-        Engine of the extended flow, with events (see `mems_impact.hybrid.variational.flow`).
-    s : LOOP_STATE
-    w : STRETCHING
-    state : PerturbationState
-    problem : PropagationProblem
-    lengths : float array, shape (N,)
-        Periods of each chunk.
-    growth : float array, shape (N, k)
-        Output: logarithms of the growth of columns in each chunk.
-    quota : int
-        Most steps of the run in this call.
-
-    Returns
-    -------
-    int
-        DONE, PAUSED, or the reason why the run ended; FAILED if columns failed, too.
+    `engine` is that of the extended flow, with events (see `mems_impact.hybrid.variational.flow`);
+    `s` and `w` are records LOOP_STATE and STRETCHING. `lengths`, shape (N,), are the periods of
+    each chunk, `quota` the most steps of the run in this call. Output `growth`, shape (N, k), are
+    logarithms of the growth of columns in each chunk. Returns DONE, PAUSED, or the reason why the
+    run ended; FAILED if columns failed, too.
     """
     while w.chunk < lengths.size:
         if w.begun == 0:

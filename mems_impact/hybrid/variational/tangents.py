@@ -79,16 +79,9 @@ def differentiated(
 ) -> Callable[..., Any]:
     """Return ``derive(mode, code, p, memory, start)``, which fills the records of the results.
 
-    Parameters
-    ----------
-    function : callable
-    owner : callable
-        The function of an automaton in it, for `differences_reason`.
-    sizes : Sizes
-    by_time, by_parameter : bool
-        Whether time and parameters have tangents; otherwise their records are not read.
-    exact : bool
-        Whether the function takes numbers with tangents.
+    `owner` is the function of an automaton in `function`, for `differences_reason`. Without
+    tangents of time (`by_time`) or parameters (`by_parameter`) their records are not read; `exact`
+    says that the function takes numbers with tangents.
     """
     (n, count, size, width), record = sizes, sizes.record
     of_p, of_out, of_scratch = (record * (1 + each) for each in (n, n + count, n + count + size))
