@@ -480,6 +480,10 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
     noun = "branch"
 
     @abstractmethod
+    def begin(self, point: P, direction: Floats) -> None:
+        """Set the first point and the tangent there."""
+
+    @abstractmethod
     def corrector(self, point: P) -> Corrector[P]:
         """Return the corrector of a step from `point`, as `PredictorStep` takes it."""
 
@@ -610,11 +614,19 @@ class Continuation(Generic[P, R, E]):
         self.problem, self.low, self.high, self.steps = problem, low, high, steps
         self._stop_at = stop_at
         self._reduction_reason = ""  # reason of the last step reduction
-        self._restart(Restart(point, direction, steps.initial_step))
+        self._start = Restart(point, direction, steps.initial_step)
 
     def __iter__(self) -> Iterator[R]:
-        """Yield the recorded points until the branch ends."""
+        """Yield the recorded points until the branch ends, by an error too."""
+        try:
+            yield from self._points()
+        except CONTINUATION_ERRORS as error:
+            self.problem.branch.ended = reason_of(error, self.problem.family)
+
+    def _points(self) -> Iterator[R]:
         problem, branch, yielded = self.problem, self.problem.branch, 0
+        problem.begin(self._start.point, self._start.direction)
+        self._restart(self._start)
         problem.record(self._point, self._direction)
         while True:
             while yielded < len(branch.points):

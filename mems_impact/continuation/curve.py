@@ -67,18 +67,12 @@ def follow(
         start = np.concatenate([near.unknowns, near.values])
         first_direction = problem.tangent(near, direction * np.eye(start.size)[-1])
         point = problem.corrector(near)(start, first_direction, start).point
-        problem.begin(point, first_direction)
     except CONTINUATION_ERRORS as error:
         curve.ended = f"the first point could not be corrected: {reason_of(error, family)}"
         return curve
-    try:
-        for solution in Continuation(
-            problem, point, first_direction, low=low, high=high, steps=steps
-        ):
-            if progress is not None:
-                progress(curve.values(solution)[1])
-    except CONTINUATION_ERRORS as error:
-        curve.ended = reason_of(error, family)
+    for solution in Continuation(problem, point, first_direction, low=low, high=high, steps=steps):
+        if progress is not None:
+            progress(curve.values(solution)[1])
     return curve
 
 
@@ -98,10 +92,6 @@ class CurveProblem(ContinuationProblem[P, N, CurveEvent[N]]):
     @abstractmethod
     def equations(self) -> Solvable[P]:
         """The equations of orbit or equilibrium, with two active parameters."""
-
-    @abstractmethod
-    def begin(self, point: P, direction: Floats) -> None:
-        """Set the first point and the tangent there."""
 
     @abstractmethod
     def solution(self, point: P) -> N:

@@ -81,19 +81,17 @@ def follow_equilibrium(
     try:
         value = np.array([equilibrium.family.value(parameter)])
         first = equations.evaluate(equilibrium.balance.unknowns, value)
-        first_direction = tangent(first)
-        first_direction = first_direction if direction > 0.0 else -first_direction
-        problem = _EquilibriumBranchProblem(
-            branch, equations, first, first_direction, low, high, steps, functions
-        )
-        points = Continuation(
-            problem, first, first_direction, low=low, high=high, steps=steps, stop_at=stop_at
-        )
-        for solution in points:
-            if progress is not None:
-                progress(solution.value)
+        first_direction = float(np.sign(direction)) * tangent(first)
     except CONTINUATION_ERRORS as error:
         branch.ended = reason_of(error, equilibrium.family)
+        return branch
+    problem = _EquilibriumBranchProblem(branch, equations, low, high, steps, functions)
+    points = Continuation(
+        problem, first, first_direction, low=low, high=high, steps=steps, stop_at=stop_at
+    )
+    for solution in points:
+        if progress is not None:
+            progress(solution.value)
     return branch
 
 
@@ -102,9 +100,9 @@ class EquilibriumProblem(ContinuationProblem[EquilibriumEvaluation, R, E]):
 
     equations: EquilibriumEquations
 
-    def begin(self, first: EquilibriumEvaluation, direction: Floats) -> None:
+    def begin(self, point: EquilibriumEvaluation, direction: Floats) -> None:
         """Set the first point and its tangent."""
-        self.first, self.at_first = np.concatenate([first.unknowns, first.values]), direction
+        self.first, self.at_first = np.concatenate([point.unknowns, point.values]), direction
 
     def closing(self, step: PredictorStep[EquilibriumEvaluation], length: float) -> float | None:
         """Return the position in a step of a return to the first point and tangent, or None."""
@@ -128,8 +126,6 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumPoint, Equilibrium
         self,
         branch: EquilibriumBranch,
         equations: EquilibriumEquations,
-        first: EquilibriumEvaluation,
-        direction: Floats,
         low: float,
         high: float,
         steps: StepControl,
@@ -138,7 +134,6 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumPoint, Equilibrium
         self.functions = FunctionZeros[EquilibriumEvaluation](equations, functions)
         self.branch, self.equations, self.family = branch, equations, equations.family
         self.parameters, self.low, self.high = (branch.parameter,), low, high
-        self.begin(first, direction)
         self.bifurcations = Bifurcations(
             equations,
             IMAGINARY_AXIS,

@@ -273,14 +273,10 @@ def points_of(
         branch.ended = f"the first orbit could not be corrected: {reason_of(error, orbit.family)}"
         return
     steps = steps or StepControl()
-    try:
-        problem = _BranchProblem(branch, shooting, low, high, steps, reconnecting, functions)
-        problem.begin(point, first_direction)
-        yield from Continuation(
-            problem, point, first_direction, low=low, high=high, steps=steps, stop_at=stop_at
-        )
-    except CONTINUATION_ERRORS as error:
-        branch.ended = reason_of(error, orbit.family)
+    problem = _BranchProblem(branch, shooting, low, high, steps, reconnecting, functions)
+    yield from Continuation(
+        problem, point, first_direction, low=low, high=high, steps=steps, stop_at=stop_at
+    )
 
 
 class _BranchProblem(OrbitProblem[OrbitPoint, OrbitEvent]):
