@@ -59,11 +59,7 @@ def register() -> None:
 def with_picture(result: Any, drawn_by: str) -> str:
     """Return the table of a result and its figure as HTML; the table alone if it has no figure.
 
-    Parameters
-    ----------
-    result : object
-    drawn_by : str
-        Name of a public function.
+    `drawn_by` is the name of a public plotting function.
     """
     table: str = result._repr_html_()
     draw = getattr(import_module("mems_impact"), drawn_by)

@@ -117,14 +117,8 @@ def table(
 ) -> pd.DataFrame:
     """Return a table in the units of the system, from columns in the units of the numerics.
 
-    Parameters
-    ----------
-    columns : mapping of str to array
-    labels : Labels
-    user_columns : mapping of str to array, optional
-        Columns already in the units of the system; they come first.
-    **attributes
-        For ``table.attrs``, beside units and versions.
+    `user_columns` are already in the units of the system; they come first. `attributes` go to
+    ``table.attrs``, beside units and versions.
     """
     import pandas as pd  # imported on first use, which a run without tables need not wait for
 
@@ -331,13 +325,8 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
 def branch(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:
     """Return one row per orbit of a branch.
 
-    Parameters
-    ----------
-    parameter : str
-    rows : sequence of mapping
-        ``value`` of the parameter, quantities of the orbit by heading, and ``states``, by name the
-        values of a state at the crossings of the section. All in the units of the system.
-    labels : Labels
+    `rows` have, in the units of the system, the ``value`` of the parameter, quantities of the orbit
+    by heading, and ``states``, by name the values of a state at the crossings of the section.
     """
     values = np.array([row["value"] for row in rows], dtype=float)
     return _table({parameter: values}, rows, labels)
@@ -593,15 +582,8 @@ def verification(
 ) -> pd.DataFrame:
     """Return one row per kind of event in two runs: how often, and the largest differences.
 
-    Parameters
-    ----------
-    matched : sequence of tuple
-        For every event of both runs: its index in `event_names`, and the `differences`.
-    alone : sequence of int
-        For every event of one run only: its index in `event_names`.
-    differences : sequence of str
-        Headings of the differences.
-    labels : Labels
+    `matched` has for every event of both runs its index in `event_names` and the differences, whose
+    headings are `differences`; `unmatched` the indices of events of one run only.
     """
     names = event_names(labels.automaton)
     codes = np.array([code for code, _ in matched], dtype=np.int64)
@@ -682,19 +664,10 @@ def sweep(
 ) -> pd.DataFrame:
     """Return one row per crossing of the section, or one with NaN for a point without any.
 
-    Parameters
-    ----------
-    parameter : str
-        Name of the parameter that was swept.
-    points : sequence of mapping
-        One for each value, in order: ``value``, ``direction``, ``section`` (the columns
-        `number_column` and `states` of the crossings), ``statistics`` by name, and ``status``; in
-        the units of the system.
-    states, statistics : sequence of str
-        States and statistics with a column.
-    labels : Labels
-    quantities : mapping of str to tuple, optional
-        Other quantities of figures, for ``attrs``: column and axis label.
+    `points` has for each value of the parameter, in order and in the units of the system,
+    ``value``, ``direction``, ``section`` (the columns `number_column` and `states` of the
+    crossings), ``statistics`` by name, and ``status``. `states` and `statistics` have a column;
+    `quantities` are other ones of figures, for ``attrs``: column and axis label.
     """
     columns = sweep_columns(parameter, points, states, statistics, labels)
     attributes = {**captions(labels), "states": list(states)}
@@ -738,29 +711,18 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 class ImpactChange(NamedTuple):
-    """Interval of a sweep in which impacts begin or cease.
-
-    Attributes
-    ----------
-    direction : str
-    before, after : float
-        The last value before the change, and the first one after it.
-    begins : bool
-    """
+    """Interval of a sweep in which impacts begin or cease."""
 
     direction: str
-    before: float
-    after: float
+    before: float  # the last value before the change
+    after: float  # the first value after the change
     begins: bool
 
 
 def impact_changes(table: pd.DataFrame) -> list[ImpactChange]:
-    """Return where impacts first begin or cease in each direction.
+    """Return where impacts first begin or cease in each direction; failed values are ignored.
 
-    Parameters
-    ----------
-    table : DataFrame
-        From `sweep`, or read back from a file. Failed values are ignored.
+    The table is from `sweep`, or read back from a file.
     """
     summary = sweep_summary(table)
     summary = summary[summary["status"] == "ok"]

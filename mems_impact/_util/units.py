@@ -55,7 +55,7 @@ def si_amount(value: float, unit: str) -> str:
 class Scales:
     """The units of the numerics, in those of the user."""
 
-    # in each unit of the user ("m/s"); 1 for all others
+    # In each unit of the user ("m/s"); 1 for all others.
     factors: Mapping[str, float] = field(default_factory=dict)
     named: bool = True  # False if all quantities are pure numbers
 

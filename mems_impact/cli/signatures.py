@@ -27,7 +27,7 @@ class Argument(NamedTuple):
     """An argument of a function, or a field of one of its options objects."""
 
     name: str
-    # the alternatives of its annotation, with aliases resolved and without None
+    # The alternatives of its annotation, with aliases resolved and without None.
     types: tuple[str, ...]
     default: Any  # `REQUIRED` if it has none
     choices: tuple[Any, ...] = ()  # the allowed values, if its docstring lists them

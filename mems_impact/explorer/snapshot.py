@@ -177,12 +177,12 @@ def with_special_points(
 class MotionSnapshot:
     """A part of a run, in the units of the system: ``t`` and states by name."""
 
-    # samples and transitions, with NaN between the two sides of a jump
+    # Samples and transitions, with NaN between the two sides of a jump.
     curve: Mapping[str, Floats] = field(repr=False)
     frames: Mapping[str, Floats] = field(repr=False)  # at equal times
-    # the impacts: ``t``, and each state ``before`` and ``after``
+    # The impacts: ``t``, and each state ``before`` and ``after``.
     hits: Mapping[str, Floats] = field(repr=False)
-    # mode, start and end of each interval in one mode
+    # Mode, start and end of each interval in one mode.
     stretches: tuple[tuple[str, float, float], ...] = field(repr=False)
 
 

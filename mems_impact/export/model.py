@@ -48,7 +48,7 @@ class ExportedModel:
     # ``mode_of(mode, t, y, p)`` returns the mode of a state; ``p`` by name
     mode_of: Callable[..., Any] | None = None
     mode_by_switch: bool = False  # whether the transition at a switch determines the mode
-    # a function of the parameters by name, as the next two
+    # A function of the parameters by name, as the next two.
     period: Callable[..., Any] | None = None
     time_scale: Callable[..., Any] | None = None
     switches: Callable[..., Any] | None = None

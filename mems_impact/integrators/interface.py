@@ -182,7 +182,7 @@ class Equations:
     # differences.
     jacobian: Callable[..., Any] | None = None
     jacobian_memory: int = 0  # length of its scratch
-    # component, level and direction of crossings, the last root function
+    # Component, level and direction of crossings, the last root function.
     section: tuple[int, float, int] | None = None
     bounds: bool = True  # whether compiled functions check array bounds
     modes: int = 1
