@@ -9,6 +9,7 @@ from .hybrid.automaton import Guard as Guard
 from .hybrid.automaton import Impact as Impact
 from .systems.state import modes as modes
 from .systems.state import State as State
+from .systems.state import NamedValues as NamedValues
 from .systems.observables import Observable as Observable
 from .systems.components.base import Part as Part
 from .systems.components.friction import Friction as Friction

@@ -1,7 +1,11 @@
 """Python examples of README.md and docs/ run as they stand; links of the pages lead somewhere."""
 
 import importlib.util
+import json
 import re
+import subprocess
+import sys
+import tomllib
 from pathlib import Path
 from textwrap import dedent
 from types import SimpleNamespace
@@ -64,6 +68,24 @@ def test_python_examples_run(page, tmp_path, monkeypatch):
         # Line numbers of the page, so that a failure points into it.
         code = compile("\n" * line + block, str(page), "exec")
         exec(code, namespace)
+
+
+@pytest.mark.slow
+def test_python_examples_pass_pyright(tmp_path):
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["basedpyright"]
+    settings |= {"include": ["."], "extraPaths": [str(ROOT)]}
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
+    for page in PAGES:
+        lines = []
+        for line, block in python_blocks(page.read_text(encoding="utf-8")):
+            lines += [""] * (line - len(lines)) + block.splitlines()
+        name = "_".join(page.relative_to(ROOT).with_suffix("").parts)
+        (tmp_path / f"{name}_page.py").write_text("\n".join([*lines, ""]), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "basedpyright", "--pythonpath", sys.executable],
+        cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.stdout.splitlines()[-1].startswith("0 errors"), done.stdout + done.stderr
 
 
 def dead_links(page, text):

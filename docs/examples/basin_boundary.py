@@ -45,6 +45,7 @@ print(basins.entropy(), basins.uncertainty_exponent().exponent)
 
 edge = mi.edge_state(oscillator, {"x": -0.2, "v": 0.9}, {"x": -0.2, "v": 0.1})
 saddle = edge.orbit
+assert isinstance(saddle, mi.Orbit)  # neither an equilibrium nor None
 print(saddle, saddle.multipliers)
 
 # %%

@@ -106,7 +106,7 @@ def contact(t, y, volts):
     return device.delta - y[0]
 
 
-contact.terminal = True
+contact.terminal = True  # pyright: ignore[reportFunctionMemberAccess] - SciPy's way
 for volts, time in times.items():
     limits = {"rtol": 1e-9, "atol": 1e-15, "max_step": 2e-7}
     alone = solve_ivp(rates, (0, 3e-4), (0, 0), args=(volts,), events=contact, **limits)

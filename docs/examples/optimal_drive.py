@@ -69,7 +69,8 @@ print(f"{safe.step / safe.period / best.value:.3f} of the speed at omega = {0.96
 # where stable; small markers are an independent upward sweep; large markers are the two orbits.
 
 with mi.style():
-    axes = Figure(layout="constrained").subplots()
+    figure = Figure(layout="constrained")
+    axes = figure.subplots()
     for orbit, marker, color in ((paper, "o", "#00224e"), (best.orbit, "s", "#b3901f")):
         amplitude = orbit.system.parameters["amplitude"]
         for stop in (0.46, 0.6):
@@ -85,11 +86,11 @@ with mi.style():
             swept["omega"], 1e4 * swept["mean speed"], marker, color=color, markersize=3,
             label=f"$f$ = {amplitude:g}",
         )  # fmt: skip
-        here, speed = orbit.system.parameters["omega"], orbit.step / orbit.period
+        here, speed = orbit.system.parameters["omega"], orbit.gains["x1"] / orbit.period
         axes.plot(here, 1e4 * speed, marker, color="white", markeredgecolor=color, markersize=7)
     axes.set(xlabel=r"$\omega$", ylabel="mean speed [$10^{-4}$]", xlim=(0.46, 0.59))
     axes.legend()
-axes.figure.savefig("optimal_drive_branch.png")
+figure.savefig("optimal_drive_branch.png")
 
 # %%
 # Speed against energy
@@ -124,7 +125,7 @@ for name in ("omega", "k", "e"):
     speeds = []
     for value in (here - h, here + h):
         there = mi.find_orbit(paper.system.changed(**{name: value}), guess=paper.state)
-        speeds.append(there.step / there.period)
+        speeds.append(there.gains["x1"] / there.period)
     assert abs((speeds[1] - speeds[0]) / (2 * h) / gradient[name] - 1) < 1e-4
 
 run = mi.simulate(zhao, mi.Sine(**best.values), 500, window=(300, 500), initial=best.orbit.state)

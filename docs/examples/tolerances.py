@@ -78,6 +78,7 @@ found = mi.tolerance_analysis(
 )
 print(found)
 print(found.quantiles().loc[[STEP, "impact speed max", "energy lost per period"]])
+assert found.indices is not None
 indices = found.indices.query("quantity == @STEP").set_index("parameter")
 print(indices[["first", "first low", "first high", "total"]].round(3))
 mi.plot_tolerance_analysis(found, quantity=STEP).figure.savefig("tolerances_spread.png")

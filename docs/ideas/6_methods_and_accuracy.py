@@ -24,14 +24,15 @@ def step(method, rtol):
 truth = step("dop853", 1e-13)
 tolerances = np.array([1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10])
 with mi.style():
-    axes = Figure(layout="constrained").subplots()
+    figure = Figure(layout="constrained")
+    axes = figure.subplots()
     for method, look in (("adams", "o-"), ("bdf", "s--"), ("dop853", "^:")):
         errors = np.array([abs(step(method, rtol) / truth - 1.0) for rtol in tolerances])
         axes.loglog(tolerances, np.maximum(errors, 1e-16), look, label=method)
         assert errors[-1] < 1e-6
     axes.set(xlabel="relative tolerance", ylabel="relative error of the step")
     axes.legend()
-axes.figure.savefig("methods_and_accuracy.png")
+figure.savefig("methods_and_accuracy.png")
 
 # %%
 # The errors of Adams and BDF decrease with the tolerance, and the errors of ``dop853`` stay far below the tolerance; the

@@ -166,7 +166,7 @@ class ActuatorNumerics(HybridSystem, Generic[A]):
             raise InvalidParameter(field, name, f"{entry.parameter}, the symbol of this quantity")
         super().check_parameter(name, field)
 
-    def changed(self, /, **values: float) -> Self:
+    def changed(self, /, **values: float | str) -> Self:
         """Return the system at other, validated values of some parameters."""
         for name in values:
             self.check_parameter(name)

@@ -18,6 +18,8 @@ from typing import (
     Any,
     Literal,
     Self,
+    TypeAlias,
+    TypeVar,
     Union,
     dataclass_transform,
     get_args,
@@ -41,7 +43,16 @@ from mems_impact._util.limits import Limits
 from mems_impact._util.quantities import has_unit, quantity
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "limits_of", "unknown"]
+__all__ = [
+    "Checked",
+    "Fraction",
+    "Given",
+    "NonNegative",
+    "Number",
+    "Positive",
+    "limits_of",
+    "unknown",
+]
 
 SHOWN_ITEMS = 8  # of a tuple; a longer one, such as a column of a table, is represented by its ends
 TEXTS = "_texts"  # attribute that holds the values given with units
@@ -61,7 +72,14 @@ def _to_float(value: Any) -> float:
         raise PydanticCustomError("number_type", "must be a finite number") from None
 
 
-Number = Annotated[float, BeforeValidator(_to_float), Field(allow_inf_nan=False)]
+T = TypeVar("T")
+# Checkers know one type for what is given, such as a text with a unit, and for what it becomes.
+if TYPE_CHECKING:
+    Given: TypeAlias = T | Any
+else:
+    Given = Annotated[T, "given in other forms too"]
+
+Number = Annotated[Given[float], BeforeValidator(_to_float), Field(allow_inf_nan=False)]
 """A finite number."""
 
 Positive = Annotated[Number, Field(gt=0)]

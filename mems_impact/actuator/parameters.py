@@ -147,7 +147,7 @@ class ActuatorParameters(Checked):
         remaining = (term for term in self.terms if names and term.name() not in names)
         return self.replace(terms=tuple(remaining))
 
-    def changed(self, /, **values: float) -> Self:
+    def changed(self, /, **values: float | str) -> Self:
         """Return the device with other values of some numbers, including those of terms.
 
         Parameters

@@ -27,6 +27,7 @@ from mems_impact.systems.window_statistics import TimeWindow
 
 if TYPE_CHECKING:
     import pandas as pd
+    from numpy.typing import ArrayLike
 
 __all__ = ["INITIAL", "RunDerivatives", "derivatives_of"]
 
@@ -155,14 +156,12 @@ class RunDerivatives(Generic[R]):
         table["kind"] = columns.kinds[here]
         return table.assign(**self._flat(instants[here], after[here]))
 
-    def samples(
-        self, times: Sequence[float], side: Literal["after", "before"] = "after"
-    ) -> pd.DataFrame:
+    def samples(self, times: ArrayLike, side: Literal["after", "before"] = "after") -> pd.DataFrame:
         """Return the state at some times, and its derivatives by time and by the quantities.
 
         Parameters
         ----------
-        times : sequence of float
+        times : array_like of float
             Within the run.
         side : {"after", "before"}, optional
             Of an event at one of these times.

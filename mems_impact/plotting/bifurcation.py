@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -31,6 +31,7 @@ from mems_impact.plotting.style import (
     DOTS,
     LINES,
     MODE_COLORS,
+    Axes,
     cased,
     color,
     new_figure,
@@ -40,6 +41,7 @@ from mems_impact.plotting.style import (
 from mems_impact.tables import NUMBER, PERIOD, impact_changes, sweep_summary, without_units
 
 if TYPE_CHECKING:
+    from mems_impact.analysis.branch import Branch
     from mems_impact.analysis.curve import Curve
     from mems_impact.studies.bifurcation_diagram import BifurcationDiagram
     from mems_impact.studies.engine.store import StoredStudy
@@ -66,26 +68,14 @@ BRANCH_SAME = 0.01  # distance at which points coincide, as a part of the axes
 MARKER_FACE = "white"  # of subcritical and branch points, and points named after a guard
 
 
-class Diagram(Protocol):
-    """Interface of `Branch` for `plot_branch`."""
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """One row per solution, the parameter first."""
-
-    @property
-    def special_table(self) -> pd.DataFrame:
-        """One row per special point."""
-
-
 @styled
 def plot_branch(
-    branch: Diagram | Sequence[Diagram],
+    branch: Branch[Any] | Sequence[Branch[Any]],
     sweep: Sweep | pd.DataFrame | None = None,
     ax: Any = None,
     *,
     quantity: str | None = None,
-) -> Any:
+) -> Axes:
     """Draw a state on the section over the parameter of one or more branches.
 
     Stable orbits and equilibria are solid lines, unstable solutions dashed, inadmissible solutions
@@ -170,7 +160,7 @@ def plot_branch(
 @styled
 def plot_diagram(
     diagram: BifurcationDiagram, ax: Any = None, *, quantity: str | None = None
-) -> Any:
+) -> Axes:
     """Draw a bifurcation diagram: its branches over its attractors.
 
     Stable orbits are solid lines, unstable orbits dashed, with the labels of `plot_branch`; dots
@@ -314,7 +304,7 @@ CURVE_SAME = 0.005  # distance at which points coincide, as a part of the axes
 
 
 @styled
-def plot_curve(curve: Curve | Sequence[Curve], ax: Any = None) -> Any:
+def plot_curve(curve: Curve | Sequence[Curve], ax: Any = None) -> Axes:
     """Draw the first parameter of one or more curves over the second; inadmissible orbits dotted.
 
     Axes are as for the first curve; other curves may have the two parameters in either order.
@@ -422,7 +412,7 @@ BRANCH_COLUMNS = ("direction", "status")
 @styled
 def plot_sweep(
     sweep: Sweep | StoredStudy | pd.DataFrame, ax: Any = None, *, quantity: str | None = None
-) -> Any:
+) -> Axes:
     """Draw a sweep over its parameter: the first state on the section, and statistics.
 
     For an actuator these are v2 on the section x2 = 0, step and speed of the frame; for any other

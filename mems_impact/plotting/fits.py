@@ -8,7 +8,7 @@ import numpy as np
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import Label, label_axis, legend_above, letter_panels, symbol
-from mems_impact.plotting.style import color, given_axes, new_figure, styled
+from mems_impact.plotting.style import Axes, color, given_axes, new_figure, styled
 from mems_impact.studies.fit import Fit
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def plot_fit(
     ax: Any = None,
     *,
     kind: Literal["data", "ellipses"] = "data",
-) -> Any:
+) -> Axes:
     """Draw a fit: data over the fitted motion with residuals, or confidence ellipses.
 
     Parameters

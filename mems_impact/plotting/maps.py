@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import label_axis, label_of, legend_above, parameter_label
-from mems_impact.plotting.style import LINES, boundary_line, new_figure, styled, thickness
+from mems_impact.plotting.style import LINES, Axes, boundary_line, new_figure, styled, thickness
 from mems_impact.studies.attractor_matching import ATTRACTOR, PartialBasins, label_partial
 from mems_impact.studies.attractor_study import (
     MOTION,
@@ -43,7 +43,7 @@ MARKERS = "os^Dv<>"
 @styled
 def plot_basins(
     basins: Basins | StoredStudy, ax: Any = None, *, x: str | None = None, y: str | None = None
-) -> Any:
+) -> Axes:
     """Draw basins of attraction, and the attractors over them.
 
     A grid is drawn as cells, a sample as dots. The legend gives shares; the marks are the states at
@@ -241,7 +241,7 @@ def plot_map(
     ax: Any = None,
     *,
     boundaries: Any = (),
-) -> Any:
+) -> Axes:
     """Draw a two-parameter map: kinds of motions, or one column of the table.
 
     Parameters

@@ -11,7 +11,7 @@ from mems_impact.analysis.manifold import COUNTS, Manifold
 from mems_impact.analysis.run import Run
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import label_axis, legend_above, parameter_label
-from mems_impact.plotting.style import cased, color, new_figure, styled, thickness
+from mems_impact.plotting.style import Axes, cased, color, new_figure, styled, thickness
 from mems_impact.systems.state import whole
 
 __all__ = ["plot_manifold", "plot_return_map"]
@@ -27,7 +27,7 @@ def plot_manifold(
     *,
     x: str | None = None,
     y: str | None = None,
-) -> Any:
+) -> Axes:
     """Draw stable and unstable manifolds, and the points of their saddles.
 
     Lines break where the Poincaré map jumps. Drawn over basins, manifolds keep the limits of the
@@ -114,7 +114,7 @@ def plot_manifold(
 @styled
 def plot_return_map(
     run: Run, quantity: str | None = None, ax: Any = None, *, last: int = 30, skip: int = 0
-) -> Any:
+) -> Axes:
     """Draw a quantity at each return of a run against its value at the previous return.
 
     Returns are upward crossings of the section or, without one, starts of forcing periods. The

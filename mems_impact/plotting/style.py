@@ -10,8 +10,9 @@ from contextvars import ContextVar
 from functools import wraps
 from inspect import signature
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from matplotlib import axes
 from matplotlib.figure import Figure
 
 from mems_impact.errors import InvalidParameter
@@ -21,6 +22,7 @@ __all__ = [
     "DOTS",
     "LINES",
     "MODE_COLORS",
+    "Axes",
     "boundary_line",
     "cased",
     "color",
@@ -33,6 +35,18 @@ __all__ = [
     "thickness",
     "wearing",
 ]
+
+if TYPE_CHECKING:
+
+    class Axes(axes.Axes):
+        """Axes of a whole figure, which has `savefig`; those of a subfigure have none."""
+
+        @property
+        def figure(self) -> Figure:
+            """Its figure."""
+
+else:
+    Axes = axes.Axes
 
 # --- Style sheet and colours
 

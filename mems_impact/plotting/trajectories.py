@@ -26,6 +26,7 @@ from mems_impact.plotting.labels import (
 from mems_impact.plotting.style import (
     LINES,
     MODE_COLORS,
+    Axes,
     color,
     given_axes,
     new_figure,
@@ -194,7 +195,7 @@ ORBIT_POINTS_PER_PERIOD = 1000
 
 
 @styled
-def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | None = None) -> Any:
+def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | None = None) -> Axes:
     """Draw one state of a periodic orbit over another, with impacts and the section.
 
     A dotted line joins the states before and after a jump. A diamond is where the orbit crosses the
@@ -308,7 +309,7 @@ def plot_run(
     ax: Any = None,
     *,
     states: Sequence[str] | None = None,
-) -> Any:
+) -> Axes:
     """Draw the states of a run over time, with impacts marked and modes shaded.
 
     A dotted line joins the values before and after a jump at an impact. The most frequent mode is

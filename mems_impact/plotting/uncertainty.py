@@ -18,7 +18,7 @@ from mems_impact.plotting.labels import (
     letter_panels,
     symbol,
 )
-from mems_impact.plotting.style import color, inches, new_figure, styled
+from mems_impact.plotting.style import Axes, color, inches, new_figure, styled
 from mems_impact.studies.engine.store import StoredStudy
 from mems_impact.studies.sampling import deviations
 from mems_impact.studies.uncertainty import Spread
@@ -36,7 +36,7 @@ __all__ = ["plot_pareto", "plot_sensitivity", "plot_tolerance_analysis"]
 
 
 @styled
-def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
+def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Axes:
     """Draw a Pareto front, and the start of the searches.
 
     Axis labels state the better direction.
@@ -121,7 +121,7 @@ def plot_tolerance_analysis(
     ax: Any = None,
     *,
     quantity: str | Sequence[str] | None = None,
-) -> Any:
+) -> Axes:
     """Draw histograms of quantities with their specification, and Sobol indices.
 
     Each quantity has a panel: a histogram, blue within the specification, grey and hatched outside,
@@ -314,7 +314,7 @@ def plot_sensitivity(
     ax: Any = None,
     *,
     tolerances: Mapping[str, float | str] | None = None,
-) -> Any:
+) -> Axes:
     """Draw a tornado chart: the change of a quantity with each parameter, the largest first.
 
     Changes are first-order, so that both sides of a bar are equal. Parameters without influence are

@@ -190,7 +190,7 @@ class HybridSystem(SystemDescription):
         """Names and values of all parameters, in scaled units."""
         return {name: self.units.into(name, value) for name, value in self.parameters.items()}
 
-    def changed(self, /, **values: float) -> Self:
+    def changed(self, /, **values: float | str) -> Self:
         """Return the system with other values of some parameters.
 
         Parameters

@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from numbers import Real
-from typing import Any
+from typing import Any, Protocol
 
 from mems_impact._util.quantities import has_unit
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Mode", "State", "is_number", "modes", "state_from", "whole"]
+__all__ = ["Mode", "NamedValues", "State", "is_number", "modes", "state_from", "whole"]
 
 # --- Modes
 
@@ -63,6 +63,25 @@ def modes(*names: str) -> tuple[Mode, ...]:
 
 
 # --- States
+
+
+class NamedValues(Protocol):
+    """Values by name: a type for ``y`` and ``p``, with which the functions of a system are called.
+
+    See Also
+    --------
+    System
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def flow(mode: int, t: float, y: mi.NamedValues, p: mi.NamedValues) -> tuple[float, float]:
+    ...     return y.v, -p.k * y.x
+    >>> oscillator = mi.System(states=("x", "v"), flow=flow, parameters={"k": 1.0})
+    """
+
+    def __getattr__(self, name: str, /) -> float: ...
+
 
 MAX_DISPLAYED_COMPONENTS = 8  # largest number of components in a repr
 

@@ -48,10 +48,9 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         **process, springs=beams[0], block=(mi.Plate(length=1e-3, width=1e-3),), electrodes=fingers,
         travel=1e-6,
     )  # fmt: skip
-    assert_type(drawing.thickness, float)
+    mi.load_actuator("mita2003").replace(k="5 N/m", c=drawing.thickness)
     actuator = mi.load_actuator("mita2003").adding(*terms[-2:])
-    assert_type(actuator.k, float)
-    sine = mi.Sine(amplitude=100.0, omega=6.0)
+    sine = mi.Sine(amplitude="100 V", omega=6.0)
     drives: list[mi.Drive] = [
         mi.Square(amplitude=1.0, omega=6.0),
         mi.Pulse(amplitude=1.0, width=0.1, period=1.0),
@@ -126,8 +125,8 @@ def designs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     assert_type(mi.report(actuator, drive, "report.html"), mi.DeviceReport)
 
 
-def flow(mode: int, t: float, y: Any, p: Any) -> tuple[float, float]:
-    return y.v, -y.x
+def flow(mode: int, t: float, y: mi.NamedValues, p: mi.NamedValues) -> tuple[float, float]:
+    return y.v, -p.k * assert_type(y.x, float)
 
 
 def systems() -> mi.System:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
 from mems_impact.actuator.drives.base import Drive, Waveform
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import Given, Positive
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.differences import central_difference
 from mems_impact.hybrid.pickling import portable, same_function
@@ -113,10 +113,12 @@ class Custom(Drive):
     rate: Function
     period: Positive
     values: Annotated[
-        tuple[tuple[str, float], ...], BeforeValidator(_pairs), Field(description=VALUES_FORM)
+        Given[tuple[tuple[str, float], ...]],
+        BeforeValidator(_pairs),
+        Field(description=VALUES_FORM),
     ] = ()
     switches: Annotated[
-        tuple[float, ...], BeforeValidator(_times), Field(description=TIMES_KIND)
+        Given[tuple[float, ...]], BeforeValidator(_times), Field(description=TIMES_KIND)
     ] = ()
     fastest: Positive | None = Field(default=None, description="a finite number > 0")
     time_unit: Positive = 1.0

@@ -16,7 +16,7 @@ from mems_impact._util.formatting import shown
 from mems_impact._util.text_tables import even_times
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
-from mems_impact.actuator.parameter_base import Number, Positive
+from mems_impact.actuator.parameter_base import Given, Number, Positive
 from mems_impact.actuator.toml_files import read_columns
 from mems_impact.errors import InvalidParameter, ValidityWarning
 
@@ -39,7 +39,7 @@ def _numbers(values: Any) -> tuple[float, ...]:
     return tuple(numbers.tolist())
 
 
-Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers), Field(description=LIST)]
+Numbers = Annotated[Given[tuple[float, ...]], BeforeValidator(_numbers), Field(description=LIST)]
 
 
 class Sampled(PiecewiseDrive):
@@ -92,7 +92,7 @@ class Sampled(PiecewiseDrive):
 
     times: Numbers
     voltages: Numbers
-    period: Positive
+    period: Positive = math.nan  # by default that of the record
     phase: Number = 0.0
 
     units = {"times": "s", "voltages": "V", "period": "s"}  # noqa: RUF012 - ClassVar in Drive

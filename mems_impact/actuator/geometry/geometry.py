@@ -17,7 +17,7 @@ from mems_impact.actuator.geometry.gap_closing_fingers import GapClosingFingers
 from mems_impact.actuator.geometry.plate import Plate
 from mems_impact.actuator.geometry.plate_electrode import PlateElectrode
 from mems_impact.actuator.geometry.squeezed_films import squeeze_film
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import Given, Positive
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness
 from mems_impact.errors import InvalidParameter
@@ -131,7 +131,7 @@ class Geometry(Process):
     """
 
     springs: Annotated[FoldedBeams | CrabLegs | ClampedBeams, BeforeValidator(_part)]
-    block: Annotated[tuple[Plate, ...], BeforeValidator(_plates)]
+    block: Annotated[Given[tuple[Plate, ...]], BeforeValidator(_plates)]
     electrodes: Annotated[CombFingers | GapClosingFingers | PlateElectrode, BeforeValidator(_part)]
     travel: Positive
 

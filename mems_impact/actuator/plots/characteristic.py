@@ -18,7 +18,15 @@ from mems_impact.plotting.labels import (
     parameter_label,
     symbol,
 )
-from mems_impact.plotting.style import color, given_axes, graded, new_figure, styled, thickness
+from mems_impact.plotting.style import (
+    Axes,
+    color,
+    given_axes,
+    graded,
+    new_figure,
+    styled,
+    thickness,
+)
 from mems_impact.tables import error_column
 
 if TYPE_CHECKING:
@@ -43,7 +51,7 @@ SHOWN_ERROR = 0.01  # relative error of a speed from which it is drawn
 @styled
 def plot_characteristic(
     curve: Characteristic, ax: Any = None, *, quantity: str | Sequence[str] | None = None
-) -> Any:
+) -> Axes:
     """Draw working points over a parameter, one panel per quantity.
 
     Each curve has a colour and a marker, filled for ascending and hollow for descending values.

@@ -17,7 +17,15 @@ from mems_impact.plotting.labels import (
     mark_points,
     parameter_label,
 )
-from mems_impact.plotting.style import DASHES, boundary_line, color, new_figure, styled, thickness
+from mems_impact.plotting.style import (
+    DASHES,
+    Axes,
+    boundary_line,
+    color,
+    new_figure,
+    styled,
+    thickness,
+)
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.operating_chart import OperatingChart
@@ -40,7 +48,7 @@ TITLE = 0.07  # height of its title
 
 
 @styled
-def plot_chart(chart: OperatingChart, ax: Any = None) -> Any:
+def plot_chart(chart: OperatingChart, ax: Any = None) -> Axes:
     """Draw the on (wide) and off (dashed) boundaries of an operating chart over the frequency.
 
     Crosses are simulated values, other points are continued. The types of the paper are shaded,

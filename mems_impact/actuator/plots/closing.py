@@ -13,6 +13,7 @@ from mems_impact.plotting.labels import Label, label_axis, label_of, legend_abov
 from mems_impact.plotting.style import (
     DASHES,
     LINES,
+    Axes,
     color,
     given_axes,
     new_figure,
@@ -34,7 +35,7 @@ CLOSING_MARGIN = 1.3  # length of the figure relative to the settling time
 
 
 @styled
-def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, Any, Any]:
+def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Axes, Axes, Axes]:
     """Draw displacement, voltage and contact over time.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact.plotting.labels import Label, label_axis, legend_above, letter_panels
-from mems_impact.plotting.style import LINES, color, new_figure, styled, thickness
+from mems_impact.plotting.style import LINES, Axes, color, new_figure, styled, thickness
 
 if TYPE_CHECKING:
     from mems_impact.actuator.actuator import Actuator
@@ -64,7 +64,7 @@ def _unsigned(actuator: Actuator, drive: Drive) -> ActuatorSystem:
 
 
 @styled
-def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -> tuple[Any, Any]:
+def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -> tuple[Axes, Axes]:
     """Draw voltage and force at x2 = 0 over one forcing period.
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from mems_impact.plotting.labels import label_axis, label_of, legend_above
-from mems_impact.plotting.style import color, new_figure, styled
+from mems_impact.plotting.style import Axes, color, new_figure, styled
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.energy import Energy
@@ -28,7 +28,7 @@ NEGLIGIBLE_SHARE = 1e-6  # of the input: the stored energy of an orbit is an err
 
 
 @styled
-def plot_energy(energy: Energy, ax: Any = None) -> Any:
+def plot_energy(energy: Energy, ax: Any = None) -> Axes:
     """Draw the energy per forcing period of every account as a bar, labelled with its share.
 
     Parameters

@@ -16,7 +16,7 @@ from mems_impact.plotting.labels import (
     label_verticals,
     legend_above,
 )
-from mems_impact.plotting.style import color, new_figure, styled, thickness
+from mems_impact.plotting.style import Axes, color, new_figure, styled, thickness
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.force_curve import ForceCurve
@@ -35,7 +35,7 @@ FARTHEST = 1.5  # a limit is drawn up to here, relative to the largest load
 
 
 @styled
-def plot_force_curve(curve: ForceCurve, ax: Any = None) -> Any:
+def plot_force_curve(curve: ForceCurve, ax: Any = None) -> Axes:
     """Draw the mean speed over the load.
 
     Markers are the computed loads. Loads at which the frame runs away, so that it has no mean

@@ -18,6 +18,7 @@ from mems_impact.plotting.labels import (
 from mems_impact.plotting.style import (
     DASHES,
     LINES,
+    Axes,
     color,
     given_axes,
     new_figure,
@@ -41,7 +42,7 @@ __all__ = ["NODES", "draw_voltages", "plot_orbit", "plot_run"]
 
 
 @styled
-def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Any:
+def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Axes:
     """Draw v2 over x2 along a periodic orbit, with stoppers, impacts and slips.
 
     Parameters
@@ -91,7 +92,7 @@ def plot_run(
     first: float | None = None,
     last: float | None = None,
     ax: Any = None,
-) -> tuple[Any, Any]:
+) -> tuple[Axes, Axes]:
     """Draw x2 and x1 over time, with impacts marked and slips shaded.
 
     A third panel shows the voltage at the electrodes if it differs from that of the drive.

@@ -17,7 +17,7 @@ from mems_impact._util.limits import Bound
 from mems_impact._util.quantities import QuantityError, magnitude
 from mems_impact._util.units import Scales
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.parameter_base import unknown
+from mems_impact.actuator.parameter_base import Given, unknown
 from mems_impact.actuator.splines import (
     COEFFICIENTS,
     MIN_POINTS,
@@ -46,7 +46,9 @@ def _numbers(values: Any) -> tuple[float, ...]:
     return tuple(numbers.tolist())
 
 
-TableNumbers = Annotated[tuple[float, ...], BeforeValidator(_numbers), Field(description=LIST)]
+TableNumbers = Annotated[
+    Given[tuple[float, ...]], BeforeValidator(_numbers), Field(description=LIST)
+]
 """A column of a table."""
 
 SPLINE_VARIABLES = "inside, u, h, c0, c1, c2, c3, c4, c5, by_u"
