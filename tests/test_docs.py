@@ -10,6 +10,7 @@ from pathlib import Path
 from textwrap import dedent
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import mems_impact as mi
@@ -44,11 +45,8 @@ def python_blocks(text):
 
 
 def marks(page):
-    """Return the mark of a page whose examples the site's build runs too, or of a term's page."""
-    built = page.is_relative_to(DOCS) and "savefig(" in page.read_text(encoding="utf-8")
-    if page.parent.name == "terms" and not built:
-        return pytest.mark.nightly
-    return pytest.mark.built if built else ()
+    """Return the mark of a page that the site's build runs too."""
+    return pytest.mark.built if page.is_relative_to(DOCS) else ()
 
 
 EXAMPLES = [
@@ -174,10 +172,43 @@ def test_the_page_of_validation_says_how_to_run_each_folder():
         assert (path / "__main__.py").exists() or path.with_suffix(".py").exists(), module
 
 
+def docs_module(name):
+    """Return a module of the documentation, which is no package."""
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("statement", "shown"),
+    [
+        ("assert np.isclose(x, 1 / 3)", "x  # 0.333333"),
+        ("assert abs(3 * x - 1) < 1e-9", "3 * x  # 1"),
+        ("assert 0 < x < 1", "x  # 0.333333"),
+        ("assert [x, 2] == [1 / 3, 2]", "[x, 2]  # 0.333333, 2"),
+        ("assert (x > 0\n    and x < 1)  # both", "x > 0 and x < 1  # True"),
+        ('assert "a" in "ab"', ""),
+        ("assert np.ones((9, 9)).shape", "np.ones((9, 9)).shape  # 9, 9"),
+        ("assert np.zeros(40).tolist() == 40 * [0]", ""),
+        ("for i in (1, 2):\n    assert i", "for i in (1, 2):\n    assert i"),
+    ],
+)
+def test_pages_show_assertions_as_quantities_with_values(statement, shown):
+    run_block = docs_module("executing").run_block
+    code, printed = run_block(f"{statement}\nprint(x)", "page.md", 5, {"x": 1 / 3, "np": np})
+    assert code == f"{shown}\nprint(x)".lstrip()
+    assert printed.startswith("0.333")
+
+
+def test_a_wrong_assertion_of_a_page_fails_at_its_line():
+    with pytest.raises(AssertionError) as caught:
+        docs_module("executing").run_block("x = 1\nassert x == 2", "page.md", 5, {})
+    assert caught.traceback[-1].lineno + 1 == 7
+
+
 def test_pages_show_the_pictures_that_their_blocks_write(tmp_path, monkeypatch):
-    spec = importlib.util.spec_from_file_location("executing", DOCS / "executing.py")
-    executing = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(executing)
+    executing = docs_module("executing")
     monkeypatch.setattr(executing, "MADE", tmp_path / "made")
     block = (
         '```python\nfrom pathlib import Path\nPath("{}.png").write_bytes(b"")  # savefig(\n```\n'
@@ -196,9 +227,7 @@ def test_pages_show_the_pictures_that_their_blocks_write(tmp_path, monkeypatch):
 
 
 def test_signatures_show_what_a_verb_takes_and_no_defaults_of_options():
-    spec = importlib.util.spec_from_file_location("signatures", DOCS / "signatures.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = docs_module("signatures")
     of_system, of_device = module.signatures(mi.operating_map)
     assert of_system.startswith("(system, *, x, y, initial=None, recurrence=RecurrenceOptions(), ")
     assert of_device.startswith("(actuator, drive, *, x, y, ")

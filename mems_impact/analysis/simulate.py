@@ -115,7 +115,7 @@ def simulate(
     keep : {"events", "statistics"}, optional
         ``"statistics"`` discards events, so that memory does not grow with the length of the run.
     options : Options, optional
-        Options of the integration.
+        Options of the integration; method "adams" by default, and "auto" with a stiff term.
     progress : bool or callable, optional
         True: show progress if the run takes over a second. A function is called with the periods
         done, several times a second; an exception that it raises ends the run.

@@ -413,6 +413,7 @@ def continue_attractors(
         Whether to compute basin shares at each value from the initial states of `basins`: the table
         then has ``share``, ``low`` and ``high``. The rest up to 1 reaches other attractors.
     options : Options, optional
+        Options of the integration; method "auto" by default.
     store, executor, workers, progress
         As in `basins`. One worker at a time continues an attractor.
 

@@ -244,6 +244,7 @@ def fit(
     initial : State or mapping of str to float, optional
         Initial state of the runs.
     options : Options, optional
+        Options of the integration; method "adams" by default, and "auto" with a stiff term.
 
     Returns
     -------

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
+from functools import cache
 from numbers import Number
 from os import PathLike
+from pathlib import Path
 from types import FunctionType, MappingProxyType
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from mems_impact._util.files import replacing
 from mems_impact._util.formatting import html_table
+from mems_impact.errors import MemsImpactError
 from mems_impact.hybrid.pickling import same_function
+from mems_impact.tables import to_xarray
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 __all__ = ["Result", "SummaryRepr", "deep_equal"]
 
@@ -105,10 +116,56 @@ class Result(SummaryRepr):
 
         save(self, path)
 
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Return the tables of the result, by the names of the attributes that hold them.
+
+        A table that the result does not have, such as the events of a run that kept none, is left
+        out.
+        """
+        found: dict[str, pd.DataFrame] = {}
+        kind: Any = type(self)
+        for name in _table_names(kind):
+            with suppress(MemsImpactError):
+                found[name] = getattr(self, name)
+        return {name: table for name, table in found.items() if table is not None}
+
+    def to_xarray(self) -> xr.DataTree:
+        """Return the tables as labelled arrays with units, one group per table."""
+        groups = {name: to_xarray(table) for name, table in self.tables().items()}
+        from xarray import DataTree
+
+        return DataTree.from_dict(groups)
+
+    def to_parquet(self, folder: str | PathLike[str]) -> None:
+        """Write each table to a Parquet file in a folder, to be read by `pandas.read_parquet`.
+
+        Units are in the ``attrs`` of the tables. The files are a view: `save` keeps the result.
+
+        Parameters
+        ----------
+        folder : str or os.PathLike
+            Made if it does not exist.
+        """
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        for name, table in self.tables().items():
+            with replacing(Path(folder, f"{name}.parquet")) as path:
+                table.to_parquet(path)
+
     def _attach(self, tables: Mapping[str, Any]) -> None:
         """Attach the saved tables, which cannot be computed without functions."""
         vars(self).update(tables)
         vars(self)[SAVED_TABLES_FIELD] = tuple(tables)
+
+
+@cache
+def _table_names(kind: Any) -> tuple[str, ...]:
+    """Return the public attributes whose annotation is a DataFrame."""
+    hints = {each.name: str(each.type) for each in fields(kind)}
+    for name, member in inspect.getmembers_static(kind):
+        getter = getattr(member, "fget", getattr(member, "func", None))
+        if getter is not None:
+            hints[name] = str(getattr(getter, "__annotations__", {}).get("return", ""))
+    return tuple(n for n, hint in hints.items() if n[0] != "_" and hint.startswith("pd.DataFrame"))
 
 
 def deep_equal(one: Any, other: Any) -> bool:

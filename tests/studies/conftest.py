@@ -7,6 +7,8 @@ import pytest
 @pytest.fixture(scope="session")
 def forking():
     """Give a context whose processes start at once, from one that has imported what they need."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():  # Windows
+        return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(
         [

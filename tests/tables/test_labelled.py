@@ -28,6 +28,20 @@ def test_samples_over_time_with_units(samples):
     assert dataset.attrs["system"] == samples.attrs["system"]
 
 
+def test_a_result_has_its_tables_as_arrays_and_files(tmp_path):
+    run = mi.simulate(DEVICE, mi.Sine(amplitude=35.0, omega=900.0), 3, initial=mi.State(v2=5e-3))
+    assert len(run.impacts)
+    assert {"events", "impacts", "corners"} <= set(run.tables())
+    arrays = run.to_xarray()
+    assert arrays["impacts"]["v2 before"].attrs["units"] == "m/s"
+    run.to_parquet(tmp_path / "tables")
+    impacts = pd.read_parquet(tmp_path / "tables" / "impacts.parquet")
+    pd.testing.assert_frame_equal(impacts, run.impacts, check_categorical=False)
+    assert impacts.attrs["units"] == run.impacts.attrs["units"]
+    last = mi.simulate(DEVICE, mi.Sine(amplitude=20.0, omega=900.0), 3, keep="statistics")
+    assert "impacts" not in last.tables()
+
+
 def test_a_file_in_netcdf_has_modes_as_text(samples, tmp_path):
     xarray = pytest.importorskip("xarray")
     path = tmp_path / "samples.nc"

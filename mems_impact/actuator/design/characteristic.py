@@ -182,6 +182,7 @@ def characteristic(
     initial : State, optional
         Initial state of both directions; by default at rest upwards, and with a kick downwards.
     options : Options, optional
+        Options of the integration; method "adams" by default, and "auto" with a stiff term.
     workers : int, optional
         Number of threads, at most one for each direction. Results do not depend on it.
     progress : bool or callable, optional

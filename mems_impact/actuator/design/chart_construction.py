@@ -594,7 +594,7 @@ def operating_chart(
     steps : StepControl, optional
         Steps of the continuation.
     options : Options, optional
-        Options of the continuation; by default the options of `find_orbit`.
+        Options of the integration; by default those of `find_orbit`.
     workers : int, optional
         Threads for the simulations; by default one for each, up to 4.
     progress : bool or callable, optional

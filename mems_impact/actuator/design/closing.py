@@ -155,7 +155,7 @@ def closing(
         Least height of a bounce that counts, relative to the travel; > 0. With restitution, a
         chatter sequence has infinitely many bounces.
     options : Options, optional
-        Options of the integration.
+        Options of the integration; method "adams" by default, and "auto" with a stiff term.
 
     Returns
     -------

@@ -140,6 +140,7 @@ def force_curve(
     initial : State, optional
         Initial state of the run without load; a kick by default (see `kicked_state`).
     options : Options, optional
+        Options of the integration; method "adams" by default, and "auto" with a stiff term.
     progress : bool or callable, optional
         Show progress; a function is called with the number of finished loads.
 

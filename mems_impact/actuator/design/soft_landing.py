@@ -151,7 +151,7 @@ def soft_landing(
     iterations : int, optional
         Largest number of iterations of each search.
     options : Options, optional
-        Options of the integration.
+        Options of the integration; by default those of `find_orbit`.
 
     Returns
     -------
