@@ -6,8 +6,11 @@
 import re
 import sys
 from pathlib import Path
+from urllib.request import urlopen
 
 sys.path.insert(0, str(Path(__file__).parent))  # for executing, formulas, scraping and signatures
+
+from numpydoc.xref import DEFAULT_LINKS
 
 import mems_impact as mi
 
@@ -22,6 +25,8 @@ extensions = [
     "signatures",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
+    "sphinx.ext.intersphinx",
+    "sphinx.ext.viewcode",
     "sphinx_gallery.gen_gallery",
 ]
 exclude_patterns = [
@@ -81,6 +86,36 @@ autodoc_typehints = "none"  # the docstrings give the types
 autodoc_member_order = "groupwise"
 numpydoc_show_class_members = False  # autodoc shows them, with their docstrings
 numpydoc_attributes_as_param_list = True
+DEFAULT_LINKS.clear()  # Python's own types
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"  # but for these
+numpydoc_xref_aliases = {
+    "array": "numpy.ndarray",
+    "Axes": "matplotlib.axes.Axes",
+    "DataFrame": "pandas.DataFrame",
+    "Generator": "numpy.random.Generator",
+    "SeedSequence": "numpy.random.SeedSequence",
+}
+
+
+def is_reached(address):
+    """Return whether another project's list of objects can be read."""
+    try:
+        return urlopen(f"{address}objects.inv", timeout=5).status == 200
+    except OSError:
+        return False
+
+
+# Without a network the names of others are no links.
+others = {
+    "matplotlib": "https://matplotlib.org/stable/",
+    "numpy": "https://numpy.org/doc/stable/",
+    "pandas": "https://pandas.pydata.org/docs/",
+}
+reached = {name: address for name, address in others.items() if is_reached(address)}
+intersphinx_mapping = {name: (address, None) for name, address in reached.items()}
+unreached = "|".join(set(others) - set(reached))
+nitpick_ignore_regex = [("py:.*", rf"({unreached})\..*")] if unreached else []
 
 # Links to elsewhere, each in turn, with time to answer.
 linkcheck_timeout = 30

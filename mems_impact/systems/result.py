@@ -119,8 +119,8 @@ class Result(SummaryRepr):
     def tables(self) -> dict[str, pd.DataFrame]:
         """Return the tables of the result, by the names of the attributes that hold them.
 
-        A table that the result does not have, such as the events of a run that kept none, is left
-        out.
+        A table that the result does not have is omitted, such as the events of a run that kept
+        none.
         """
         found: dict[str, pd.DataFrame] = {}
         kind: Any = type(self)

@@ -130,7 +130,7 @@ class System(HybridSystem):
 
     See Also
     --------
-    Guard, Impact, modes, Friction, Stopper, simulate
+    Guard, Impact, modes, NamedValues, Friction, Stopper, simulate
 
     Examples
     --------
