@@ -36,7 +36,6 @@ FAST_ITERATIONS, SLOW_ITERATIONS = (
     5,
 )  # Newton iterations up to which a step grows, from which it shrinks
 PREDICTOR_POINTS = 3  # points that the predictor interpolates
-POSITION_XTOL = 1e-12  # tolerance of a position in a step, below that of a Newton step
 TINY = np.finfo(float).tiny
 MIN_SEPARATION_RATIO = 0.01  # least distance of these points, relative to the largest
 
@@ -216,7 +215,7 @@ class PredictorStep(Generic[P]):
         def value(s: float) -> float:
             return test(self.at(s).point)
 
-        return float(brentq(value, begin, length, xtol=POSITION_XTOL))
+        return float(brentq(value, begin, length))
 
     def _add_curvature(self, s: float, unknowns: Floats) -> None:
         """Store the curvature of the branch at a known point."""
