@@ -27,14 +27,12 @@ from mems_impact.actuator.statistics import Accumulator
 from mems_impact.actuator.system import ActuatorSystem, kind_of
 from mems_impact.actuator.terms.files import table_of as term_table
 from mems_impact.actuator.terms.files import term_of
-from mems_impact.actuator.units import DeviceScales
+from mems_impact.actuator.units import SCALES, DeviceScales
 from mems_impact.analysis.serialization import register_object, register_run, restored
 from mems_impact.hybrid.pickling import reference
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.serialization.codec import Reader, register
 from mems_impact.systems.serialization.detached import check_same_system, describe
-
-SCALES = ("mass", "stiffness", "length", "alpha", "time", "voltage")
 
 
 def table_of(drive: Drive) -> dict[str, Any]:

@@ -85,16 +85,15 @@ def _preserve_shape(h: Floats, rises: Floats, slopes: Floats, curvatures: Floats
 
 
 def _limited_slopes(h: Floats, rises: Floats) -> Floats:
-    """Return harmonic means of the secants on both sides (Fritsch and Butland), limited."""
-    secants = rises / h
-    left, right = np.append(secants[0], secants), np.append(secants, secants[-1])
-    left_weight = np.append(h[0], h) + 2.0 * np.append(h, h[-1])
-    right_weight = 2.0 * np.append(h[0], h) + np.append(h, h[-1])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = (left_weight + right_weight) / (left_weight / left + right_weight / right)
-    bound = MAX_SLOPE_RATIO * np.minimum(np.abs(left), np.abs(right))
-    result: Floats = np.where(left * right > 0.0, np.clip(mean, -bound, bound), 0.0)
-    return result
+    """Return the slopes of Fritsch and Butland, limited; at the ends, as if the table went on."""
+    from scipy.interpolate import PchipInterpolator
+
+    gaps, changes = (np.concatenate([each[:1], each, each[-1:]]) for each in (h, rises))
+    x, y = (np.append(0.0, np.cumsum(each)) for each in (gaps, changes))
+    secants = np.abs(changes / gaps)
+    bound = MAX_SLOPE_RATIO * np.minimum(secants[:-1], secants[1:])
+    slopes: Floats = np.clip(PchipInterpolator(x, y).derivative()(x[1:-1]), -bound, bound)
+    return slopes
 
 
 class TableSpline(NamedTuple):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -19,6 +20,7 @@ __all__ = [
     "COLUMN_UNITS",
     "KNOWN_UNITS",
     "PARAMETER_UNITS",
+    "SCALES",
     "DeviceScales",
     "scaled_fields",
     "unscaled_fields",
@@ -80,6 +82,10 @@ COLUMN_UNITS = {
     **dict.fromkeys(["power", "power in"], "W"),
 }
 """The SI unit of every column and statistic that is not dimensionless."""
+
+
+SCALES = ("mass", "stiffness", "length", "alpha", "time", "voltage")
+"""The fields of `DeviceScales`."""
 
 
 class _Factors(dict[str, float]):
@@ -166,8 +172,7 @@ class DeviceScales(Scales):
 
     def __reduce__(self) -> Any:
         """Pickle the fields, which determine the factors."""
-        names = ("mass", "stiffness", "length", "alpha", "time", "voltage")
-        return _device_scales, tuple(getattr(self, name) for name in names)
+        return partial(DeviceScales, **{name: getattr(self, name) for name in SCALES}), ()
 
     def unit(self, name: str) -> float:
         """Return the scale of the SI unit `name`, one of `KNOWN_UNITS` or a product of them."""
@@ -187,14 +192,6 @@ class DeviceScales(Scales):
     def of_drive(cls, voltage: float, time: float) -> Self:
         """Return scales of voltage and time alone."""
         return cls(voltage=voltage, time=time)
-
-
-def _device_scales(
-    mass: float, stiffness: float, length: float, alpha: float, time: float, voltage: float
-) -> DeviceScales:
-    return DeviceScales(
-        mass=mass, stiffness=stiffness, length=length, alpha=alpha, time=time, voltage=voltage
-    )
 
 
 def scaled_fields(model: Any, units: Mapping[str, str], scales: Scales) -> dict[str, Any]:

@@ -217,15 +217,15 @@ class Sampled(PiecewiseDrive):
 
     def pieces(self) -> list[Piece]:
         """Return one cubic per sample."""
-        times = np.array(self.times) - self.times[0]
-        voltages = np.array(self.voltages)
-        gaps = np.diff(np.append(times, self.period))
-        secants = np.diff(np.append(voltages, voltages[0])) / gaps
-        slopes = _monotone_slopes(gaps, secants)
-        next_slopes = np.roll(slopes, -1)
-        second = (3.0 * secants - 2.0 * slopes - next_slopes) / gaps
-        third = (slopes + next_slopes - 2.0 * secants) / gaps**2
-        columns = (times, voltages, slopes, second, third, self._sharp_turns(secants))
+        from scipy.interpolate import PchipInterpolator  # imported on use: a run need not wait
+
+        times, voltages = np.array(self.times) - self.times[0], np.array(self.voltages)
+        # Beyond the record by the neighbours of its ends, of which all slopes depend.
+        beyond = np.concatenate([times[-1:] - self.period, times, self.period + times[:2]])
+        repeated = np.concatenate([voltages[-1:], voltages, voltages[:2]])
+        cubics = PchipInterpolator(beyond, repeated).c[::-1, 1:-1]
+        secants = np.diff(repeated[1:-1]) / np.diff(beyond[1:-1])
+        columns = (times, *cubics, self._sharp_turns(secants))
         return [Piece(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
 
     def _sharp_turns(self, secants: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -236,22 +236,3 @@ class Sampled(PiecewiseDrive):
         counts = np.floor(np.cumsum(slope_changes) / (BEND_RATIO * voltage_range))
         result: NDArray[np.bool_] = np.diff(counts, prepend=0.0) > 0.0
         return result
-
-
-def _monotone_slopes(
-    gaps: NDArray[np.float64], secants: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the slopes of Fritsch and Butland at the samples of a closed record.
-
-    SIAM J. Sci. Stat. Comput. 5, 300 (1984): a weighted harmonic mean of the secants on both sides,
-    zero where they differ in sign.
-    """
-    previous_gaps, previous_secants = np.roll(gaps, 1), np.roll(secants, 1)
-    same_sign = secants * previous_secants > 0.0
-    left_weights, right_weights = 2.0 * gaps + previous_gaps, gaps + 2.0 * previous_gaps
-    slopes = np.zeros(secants.size)
-    slopes[same_sign] = (left_weights[same_sign] + right_weights[same_sign]) / (
-        left_weights[same_sign] / previous_secants[same_sign]
-        + right_weights[same_sign] / secants[same_sign]
-    )
-    return slopes

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 from mems_impact.actuator.parameter_base import Checked, NonNegative, Number, Positive
 from mems_impact.actuator.terms.comb_drive import PERMITTIVITY
+from mems_impact.actuator.terms.squeeze_film import rarefaction
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["PERMITTIVITY", "Beams", "DrawnPart", "Finding", "Process"]
@@ -85,8 +86,7 @@ class Process(Checked):
 
     def squeezed_viscosity(self, gap: float) -> float:
         """Return the viscosity of a squeezed film, with rarefaction."""
-        knudsen = self.free_path_pressure / self.pressure / gap
-        return self.viscosity / (1.0 + 9.638 * knudsen**1.159)
+        return self.viscosity / rarefaction(self.free_path_pressure / self.pressure / gap)
 
     def sliding_viscosity(self, gap: float) -> float:
         """Return the viscosity of a sheared film, with slip at both walls."""

@@ -377,6 +377,11 @@ def weighted(share: float, index: int) -> Function:
     return part
 
 
+def rarefaction(knudsen: float) -> float:
+    """Return the ratio by which rarefaction lowers the viscosity, at a Knudsen number."""
+    return 1.0 + 9.638 * knudsen**1.159
+
+
 def mobility_of(indices: ParameterIndices) -> Function:
     """Return ``mobility(gap, p)``, pressure gap^2/(12 mu_eff) [m^2/s]."""
     ambient, viscosity = indices.p["pressure"], indices.p["viscosity"]
@@ -384,9 +389,8 @@ def mobility_of(indices: ParameterIndices) -> Function:
 
     def mobility(gap, p):  # type: ignore[no-untyped-def]
         # Differences at a path of 0 evaluate negative values.
-        knudsen = max(p[free_path], 0.0) / (p[ambient] * gap)
-        rarefaction = 1.0 + 9.638 * knudsen**1.159
-        return p[ambient] * gap * gap * rarefaction / (12.0 * p[viscosity])
+        rarefied = rarefaction(max(p[free_path], 0.0) / (p[ambient] * gap))
+        return p[ambient] * gap * gap * rarefied / (12.0 * p[viscosity])
 
     return mobility
 
