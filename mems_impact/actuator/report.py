@@ -59,7 +59,7 @@ from mems_impact.analysis.orbit import find_orbit
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.steady_state import steady_state
 from mems_impact.errors import Interrupted, InvalidParameter, MemsImpactError, OrbitError, RunError
-from mems_impact.studies.sampling import distributions
+from mems_impact.studies.sampling import Rng, distributions, seed_of
 from mems_impact.studies.uncertainty import Specification, tolerance_analysis
 from mems_impact.systems.settling import SETTLED
 from mems_impact.systems.state import State, is_number, whole
@@ -585,7 +585,7 @@ class ReportMaker:
             return Content(problem="The device makes no step here; give a specification.")
         analysis = tolerance_analysis(
             self.system, over=over, parameters=making, samples=self.counts["samples"],
-            seed=self.seed, specification=specification, initial=self.start,
+            rng=self.seed, specification=specification, initial=self.start,
             recurrence=RecurrenceOptions(exponents="none", **self.lengths), workers=1,
         )  # fmt: skip
         last = analysis.yields.iloc[-1]
@@ -771,7 +771,7 @@ def report(
     tolerances: Mapping[str, Any] | None = None,
     specification: Specification | None = None,
     samples: int | None = None,
-    seed: int = 0,
+    rng: Rng = 0,
     wear: float | str | None = None,
     area: float | str | None = None,
     depth: float | str | None = None,
@@ -812,8 +812,8 @@ def report(
         Bounds of columns of the table of tolerances; by default a step per cycle within 20 %.
     samples : int, optional
         Number of devices of the tolerance study; 64 by default (`quick`: 16).
-    seed : int, optional
-        Seed of the sample.
+    rng : int, Generator, SeedSequence or None, optional
+        Seed or generator of the sample, as for `numpy.random.default_rng`. The report tells a seed.
     wear : float or str, optional
         Specific wear rate [m^3/(N m)], as for `life`; 1e-13 by default.
     area : float or str, optional
@@ -864,7 +864,6 @@ def report(
     counts = dict(QUICK_COUNTS if quick else COUNTS)
     if samples is not None:
         counts["samples"] = whole("samples", samples, 1)
-    whole("seed", seed, 0)
     per_period = _oscillations(system)
     lengths = {
         name: whole(name, length, 1)
@@ -884,7 +883,7 @@ def report(
         choice=choice,
         counts=counts,
         lengths=lengths,
-        seed=int(seed),
+        seed=seed_of(rng),
         voltages=voltages,
         tolerances=tolerances,
         specification=specification,

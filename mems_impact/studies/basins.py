@@ -33,6 +33,7 @@ from mems_impact.studies.engine.study import STATUS, Columns
 from mems_impact.studies.sampling import (
     Grid,
     InitialConditions,
+    Rng,
     Sample,
     Sampling,
     axis,
@@ -312,7 +313,7 @@ def basins(
     box: Mapping[str, tuple[float, float]] | None = None,
     samples: int = 1000,
     sampling: Sampling = "random",
-    seed: int = 0,
+    rng: Rng = 0,
     initial: State | Mapping[str, float] | None = None,
     recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
     distance: float = 1e-3,
@@ -342,8 +343,8 @@ def basins(
     sampling : {"random", "sobol", "lhs"}, optional
         Independent states, a Sobol sequence, or a Latin hypercube. The last two fill the box more
         evenly, so that the bounds of shares are conservative.
-    seed : int, optional
-        Seed of the sample.
+    rng : int, Generator, SeedSequence or None, optional
+        Seed or generator of the sample, as for `numpy.random.default_rng`. The study keeps a seed.
     initial : State or mapping of str to float, optional
         All other components; by default the initial state of the system.
     recurrence : RecurrenceOptions, optional
@@ -402,7 +403,7 @@ def basins(
     >>> mi.find_orbit(found.system, guess=found.state("period 1")).stable
     True
     """
-    starts = _starts(system, x, y, box, (samples, sampling, seed))
+    starts = _starts(system, x, y, box, (samples, sampling, rng))
     start = system.initial if initial is None else system.state_space.parse(initial)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
@@ -443,8 +444,8 @@ def _starts(system: HybridSystem, x: Any, y: Any, box: Any, sample: tuple[Any, A
         if x is not None or y is not None:
             problem = "give a grid (x, y) or a box to sample, not both"
             raise InvalidParameter("box", None, "", problem=problem)
-        count = check_sample(*sample)
-        return Sample(box_of(box, system), count, sample[1], int(sample[2]))
+        count, seed = check_sample(*sample)
+        return Sample(box_of(box, system), count, sample[1], seed)
     if x is None and y is None:
         problem = "give a grid (x, y), or a box to sample"
         raise InvalidParameter("x", None, "", problem=problem)

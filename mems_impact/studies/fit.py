@@ -24,6 +24,7 @@ from mems_impact.studies.least_squares import (
     Minimum,
 )
 from mems_impact.studies.records import Comparison, Conditions, Measurement, Record
+from mems_impact.studies.sampling import Rng, seed_of
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, whole
 
@@ -204,7 +205,7 @@ def fit(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     priors: Mapping[str, tuple[float | str, float | str]] | None = None,
     starts: int = 1,
-    seed: int = 0,
+    rng: Rng = 0,
     transient: int | None = None,
     periods: int = 2,
     initial: State | Mapping[str, float] | None = None,
@@ -234,8 +235,8 @@ def fit(
         Mean and standard error of a free quantity from other sources.
     starts : int, optional
         Number of starts of the search; further ones are drawn within the bounds.
-    seed : int, optional
-        Of these.
+    rng : int, Generator, SeedSequence or None, optional
+        Seed or generator of these, as for `numpy.random.default_rng`.
     transient : int, optional
         Forcing periods before the measurement; by default none before a record, and before a
         `Target` as many as its statistic takes to settle.
@@ -299,7 +300,7 @@ def fit(
     )
     whole("starts", starts, 1)
     with collected_warnings():
-        solutions = problem.solutions(starts, np.random.default_rng(seed))
+        solutions = problem.solutions(starts, np.random.default_rng(seed_of(rng)))
     found = _result(problem, system, solutions)
     if found.verdict != "good":
         warn(f"{found.verdict}: {found.note}; {REMEDIES[found.verdict]}", FitWarning)

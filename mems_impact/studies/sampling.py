@@ -30,6 +30,7 @@ __all__ = [
     "Interval",
     "Making",
     "ParameterSample",
+    "Rng",
     "Sample",
     "Sampling",
     "axis",
@@ -40,6 +41,7 @@ __all__ = [
     "distributions",
     "draw",
     "matrices",
+    "seed_of",
     "unit_sample",
     "wilson",
 ]
@@ -114,13 +116,23 @@ SAMPLINGS = get_args(Sampling)
 LEVEL = 0.95  # confidence level of intervals
 
 
-def check_sample(samples: Any, sampling: Any, seed: Any) -> int:
-    """Return the size of a sample; InvalidParameter if it, its kind or seed is out of range."""
+Rng = int | np.random.Generator | np.random.SeedSequence | None
+
+
+def check_sample(samples: Any, sampling: Any, rng: Rng) -> tuple[int, int]:
+    """Return the size and the seed of a sample; InvalidParameter if an argument is not allowed."""
     if sampling not in SAMPLINGS:
         raise InvalidParameter("sampling", sampling, f"one of {', '.join(SAMPLINGS)}")
-    if not is_number(seed) or seed < 0 or seed != int(seed):
-        raise InvalidParameter("seed", seed, "a whole number >= 0")
-    return whole("samples", samples, 1)
+    return whole("samples", samples, 1), seed_of(rng)
+
+
+def seed_of(rng: Rng) -> int:
+    """Return the seed that identifies a sample: a number given, or one from a generator."""
+    if isinstance(rng, np.random.Generator | np.random.SeedSequence | None):
+        return int(np.random.default_rng(rng).integers(2**63))
+    if not is_number(rng) or rng < 0 or rng != int(rng):
+        raise InvalidParameter("rng", rng, "a whole number >= 0, a numpy.random.Generator or None")
+    return int(rng)
 
 
 def unit_sample(n: int, dimensions: int, sampling: str, seed: int) -> Floats:
@@ -338,7 +350,7 @@ def draw(
         "over": {name: _distribution_identity(distribution) for name, distribution in over.items()},
         "samples": samples,
         "sampling": sampling,
-        "seed": seed,
+        "rng": seed,
         "indices": indices,
         "points": digest_of(np.hstack([values, parameter_values])),
     }
@@ -475,7 +487,7 @@ class Sample:
             "box": {name: [low, high] for name, low, high in self.box},
             "samples": self.n,
             "sampling": self.sampling,
-            "seed": self.seed,
+            "rng": self.seed,
             "points": digest_of(self.points),
         }
 

@@ -35,6 +35,7 @@ from mems_impact.studies.sampling import (
     SECOND,
     Making,
     ParameterSample,
+    Rng,
     Sampling,
     check_sample,
     distributions,
@@ -318,7 +319,7 @@ def tolerance_analysis(
     parameters: Making | None = None,
     samples: int = 256,
     sampling: Sampling = "sobol",
-    seed: int = 0,
+    rng: Rng = 0,
     specification: Specification | None = None,
     indices: bool = False,
     initial: State | Mapping[str, float] | None = None,
@@ -352,8 +353,8 @@ def tolerance_analysis(
     sampling : {"sobol", "lhs", "random"}, optional
         Scrambled Sobol sequence, Latin hypercube, or independent points. Confidence intervals of
         shares are for independent points, and conservative for Sobol and Latin hypercube samples.
-    seed : int, optional
-        Seed of the sample.
+    rng : int, Generator, SeedSequence or None, optional
+        Seed or generator of the sample, as for `numpy.random.default_rng`. The study keeps a seed.
     specification : mapping of str to (float, float), optional
         Bounds of columns of the table; one bound may be missing: ``{"displacement per period":
         (1e-5, None)}``.
@@ -394,7 +395,7 @@ def tolerance_analysis(
     Notes
     -----
     Indices are estimated after Saltelli et al. (*Computer Physics Communications* 181, 259, 2010),
-    by ``scipy.stats.sobol_indices``; their intervals by 999 resamples of the rows, with `seed`.
+    by ``scipy.stats.sobol_indices``; their intervals by 999 resamples of the rows, with `rng`.
 
     Examples
     --------
@@ -414,7 +415,7 @@ def tolerance_analysis(
     [1.0, 1.0]
     """
     sampled = distributions(over, system)
-    count = check_sample(samples, sampling, seed)
+    count, seed = check_sample(samples, sampling, rng)
     if indices and count & (count - 1):
         nearest = 2 ** round(math.log2(count))
         raise InvalidParameter("samples", samples, f"a power of two for indices, such as {nearest}")
@@ -431,7 +432,7 @@ def tolerance_analysis(
         parameters,
         samples=count,
         sampling=sampling,
-        seed=int(seed),
+        seed=seed,
         indices=bool(indices),
     )
     study = ToleranceStudy(
@@ -449,7 +450,7 @@ def tolerance_analysis(
 
     names = analysis.quantities
     with completed_study(study, table):
-        effects = indices_table(draws, names, settled_values(table, names).to_numpy(), int(seed))
+        effects = indices_table(draws, names, settled_values(table, names).to_numpy(), seed)
     effects.attrs = dict(table.attrs)
     return ToleranceAnalysis(
         system=system, drawn=draws.names, specification=bounds, table=table, indices=effects

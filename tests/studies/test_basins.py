@@ -71,7 +71,7 @@ def test_a_sample_is_the_same_on_any_worker():
     two = mi.basins(ACTUATOR, DRIVE, **given, workers=3)
     assert bits(one.table) == bits(two.table)
     assert one == two
-    other = mi.basins(ACTUATOR, DRIVE, **given, seed=1)
+    other = mi.basins(ACTUATOR, DRIVE, **given, rng=1)
     assert not np.array_equal(one.table["x2"], other.table["x2"])
     with pytest.raises(mi.InvalidParameter, match="a sample, not a grid"):
         one.grid()
@@ -99,7 +99,7 @@ def test_a_start_that_is_not_allowed_is_a_row():
         ({"box": {"x2": 0.1}}, "two numbers"),
         ({"box": {"x2": (0.0, 0.1)}, "samples": 0}, "samples = 0"),
         ({"box": {"x2": (0.0, 0.1)}, "sampling": "halton"}, "one of sobol"),
-        ({"box": {"x2": (0.0, 0.1)}, "seed": -1}, "seed = -1"),
+        ({"box": {"x2": (0.0, 0.1)}, "rng": -1}, "rng = -1"),
         ({"x": ("x2", [0.0]), "distance": 2.0}, "distance = 2"),
         ({"x": ("x2", [0.0]), "recurrence": 3}, "a RecurrenceOptions"),
         ({"x": ("x2", [0.0]), "initial": {"q": 1.0}}, "components among"),

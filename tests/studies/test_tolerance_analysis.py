@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 import mems_impact as mi
-from mems_impact.studies.sampling import distributions, draw, unit_sample
+from mems_impact.studies.sampling import distributions, draw, seed_of, unit_sample
 from mems_impact.studies.uncertainty import indices_table
 from tests.studies.toys import bits
 
@@ -99,8 +99,18 @@ def test_what_does_not_vary_has_no_indices(found):
     assert indices.loc["closest approach", ["first", "total"]].isna().all(axis=None)
 
 
+def test_a_sample_has_a_seed_of_any_generator():
+    def drawn(rng):
+        return unit_sample(4, 2, "sobol", seed_of(rng)).tolist()
+
+    assert seed_of(3) == 3
+    assert drawn(np.random.default_rng(3)) == drawn(np.random.default_rng(3)) != drawn(3)
+    assert drawn(np.random.SeedSequence(3)) == drawn(np.random.SeedSequence(3))
+    assert drawn(None) != drawn(None)
+
+
 def test_the_same_on_any_worker(tmp_path):
-    given = {"over": OVER, "samples": 5, "sampling": "random", "seed": 3, **GIVEN}
+    given = {"over": OVER, "samples": 5, "sampling": "random", "rng": 3, **GIVEN}
     brief = {**given, "recurrence": mi.RecurrenceOptions(transient=40, periods=2, tolerance=1e-3)}
     one = mi.tolerance_analysis(ACTUATOR, DRIVE, **brief, workers=1)
     two = mi.tolerance_analysis(ACTUATOR, DRIVE, **brief, workers=3, store=tmp_path)
@@ -158,7 +168,7 @@ def test_a_device_that_cannot_be_is_a_row():
         ({"samples": 0}, "samples = 0"),
         ({"samples": 100, "indices": True}, "such as 128"),
         ({"sampling": "halton"}, "one of sobol"),
-        ({"seed": 0.5}, "seed = 0.5"),
+        ({"rng": 0.5}, "rng = 0.5"),
         ({"specification": {"speed": (0, 1)}}, "one of the columns"),
         ({"specification": {STEP: (1, 0)}}, "low and high"),
         ({"specification": {STEP: 3}}, "low and high"),

@@ -71,7 +71,7 @@ class Study(ABC):
         """Return all inputs of its numbers by name, as values that JSON represents exactly.
 
         Two studies are the same if these are equal. Messages name the top-level entries that
-        differ, so these have names that a user knows ("system", "x", "options", "seed").
+        differ, so these have names that a user knows ("system", "x", "options", "rng").
         """
 
     @property
