@@ -103,13 +103,28 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 SYMBOL_PREFIX = "mems_impact_"
 
 
-@cache
 def load() -> SimpleNamespace:
     """Open SUNDIALS, check it, and return the functions of `SIGNATURES`, known to LLVM.
 
     Raises `EngineUnavailable` if numba is disabled, or scikit-sundae's build does not match these
     declarations: another major version of SUNDIALS, real or index type, or a missing symbol.
     """
+    found = _opened()
+    if isinstance(found, EngineUnavailable):
+        raise found.with_traceback(None)
+    return found
+
+
+@cache
+def _opened() -> SimpleNamespace | EngineUnavailable:
+    """Return the functions, or why there are none, which each problem would find out again."""
+    try:
+        return _open()
+    except EngineUnavailable as error:
+        return error
+
+
+def _open() -> SimpleNamespace:
     from mems_impact.integrators.jit.numba_support import check_numba
 
     check_numba()

@@ -104,6 +104,19 @@ def test_compiled_on_demand_raises():
         simulate(BALL, ball(0.5), [1.0, 0.0], 0.5, engine="compiled")
 
 
+def test_what_is_missing_is_looked_for_once(monkeypatch):
+    looked = []
+    monkeypatch.setattr(library, "_library_files", lambda: looked.append(1) or ["nowhere.so"])
+    library._opened.cache_clear()
+    try:
+        for _ in range(2):
+            with pytest.raises(EngineUnavailable, match="nowhere"):
+                library.load()
+    finally:
+        library._opened.cache_clear()
+    assert looked == [1]
+
+
 def test_auto_takes_the_compiled_engine():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
