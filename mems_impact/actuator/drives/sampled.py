@@ -220,7 +220,7 @@ class Sampled(PiecewiseDrive):
         from scipy.interpolate import PchipInterpolator  # imported on use: a run need not wait
 
         times, voltages = np.array(self.times) - self.times[0], np.array(self.voltages)
-        # Beyond the record by the neighbours of its ends, of which all slopes depend.
+        # Beyond the record by neighbours: the slopes at its ends depend on them.
         beyond = np.concatenate([times[-1:] - self.period, times, self.period + times[:2]])
         repeated = np.concatenate([voltages[-1:], voltages, voltages[:2]])
         cubics = PchipInterpolator(beyond, repeated).c[::-1, 1:-1]
