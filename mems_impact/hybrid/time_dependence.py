@@ -73,7 +73,7 @@ def _mentions(code: CodeType, name: str) -> bool:
 def _uses(function: FunctionType, position: int) -> Sequence[tuple[Any, int] | None] | None:
     """Return the functions and positions to which an argument is passed; None for another use.
 
-    Return None in place of all names if numba does not understand the code.
+    Return None in place of all uses if numba does not understand the code.
     """
     if function.__code__.co_filename == GENERATED and "SOURCE" in function.__globals__:
         return list(_generated_uses(function, position))

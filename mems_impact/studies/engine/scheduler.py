@@ -62,11 +62,11 @@ def run_study(
 
     A failed point has its reason in ``status``. A chunk whose worker dies is computed again,
     finally without others beside it; after three deaths of workers its points become failed rows.
-    Any other exception of a point is raised unchanged, with the completed table as its attribute
-    ``partial``, as are Interrupted, at once on Ctrl-C, and WorkersLost, if the workers cannot be
-    replaced. Raises InvalidParameter if an argument is out of range or pyarrow is missing;
-    InvalidFile or FileNotWritten if the store belongs to another study, is in use or damaged, or
-    cannot be written.
+    Any other exception of a point is raised unchanged. Its attribute ``partial`` is the completed
+    table, as that of Interrupted, raised at once on Ctrl-C, and of WorkersLost, if the workers
+    cannot be replaced. Raises InvalidParameter if an argument is out of range or pyarrow is
+    missing; InvalidFile or FileNotWritten if the store belongs to another study, is in use or
+    damaged, or cannot be written.
     """
     crew = WorkerPool(study, executor, None if workers is None else whole("workers", workers, 1))
     size = _default(study, workers) if chunk is None else whole("chunk", chunk, 1)
