@@ -88,12 +88,8 @@ class StepControl:
 def tangent(point: Linearized, direction: Floats | None = None) -> Floats:
     """Return the unit tangent of the branch at `point`, shape (unknowns + 1,).
 
-    Parameters
-    ----------
-    point : ShootingEvaluation or EquilibriumEvaluation
-        With one active parameter.
-    direction : float array, optional
-        Orientation of the tangent; by default, the parameter increases.
+    `point` has one active parameter, which increases along the tangent unless `direction` orients
+    it.
     """
     stored = vars(point)
     if "_null_vector" not in stored:  # of a point it is needed several times
@@ -113,20 +109,9 @@ def correct(
 ) -> Solution[P]:
     """Solve in the plane through `plane` (unknowns and parameter) normal to `direction`.
 
-    Parameters
-    ----------
-    equations : Shooting or EquilibriumEquations
-        With one active parameter.
-    plane, direction : float array, shape (unknowns + 1,)
-    guess : float array, optional
-        A point near the solution; `plane` itself by default.
-    tolerance : float, optional
-        As in `newton`; that of the equations by default.
-
-    Raises
-    ------
-    OrbitError
-        If the correction does not converge.
+    The equations have one active parameter; both vectors have the shape (unknowns + 1,). `guess` is
+    near the solution, `plane` itself by default. Raises OrbitError if the correction does not
+    converge.
     """
 
     def extended(u: Floats) -> tuple[P, Floats, Floats]:
@@ -147,17 +132,9 @@ def correct(
 class PredictorStep(Generic[P]):
     """Points of a branch or curve along one tangent, each corrected once.
 
-    Parameters
-    ----------
-    correct : callable
-        ``correct(plane, direction, guess)`` returns the `Solution` in the plane through `plane`
-        normal to `direction`.
-    point : ShootingEvaluation or EquilibriumEvaluation
-        Start of the step.
-    direction : float array
-        The unit tangent there.
-    previous : sequence of float array, optional
-        Unknowns and parameters of earlier points.
+    ``correct(plane, direction, guess)`` returns the `Solution` in the plane through `plane` normal
+    to `direction`. `direction` is the unit tangent at `point`, the start of the step; `previous`
+    has the unknowns and parameters of earlier points.
     """
 
     def __init__(
@@ -180,11 +157,8 @@ class PredictorStep(Generic[P]):
     def at(self, s: float) -> Solution[P]:
         """Return the point at the distance `s` along the tangent.
 
-        Raises
-        ------
-        OrbitError
-            If the correction does not converge, or converges to a point farther away than the
-            length of the step, such as a point of another branch.
+        Raises OrbitError if the correction does not converge, or converges to a point farther away
+        than the length of the step, such as a point of another branch.
         """
         if s not in self._found:
             plane = self.start + s * self.direction
@@ -204,12 +178,8 @@ class PredictorStep(Generic[P]):
     def zero(self, test: Callable[[P], float], length: float, begin: float = 0.0) -> float:
         """Return the distance between `begin` and `length` at which `test` is zero.
 
-        Raises
-        ------
-        OrbitError
-            If a point within the step cannot be corrected.
-        ValueError
-            If the function has one sign at both ends.
+        Raises OrbitError if a point within the step cannot be corrected, ValueError if the function
+        has one sign at both ends.
         """
 
         def value(s: float) -> float:
@@ -252,16 +222,7 @@ REFINEMENTS = 6  # Newton iterations for the nearest point
 
 
 class ClosureDetector:
-    """Detector of the return of a branch or curve to its first orbit.
-
-    Parameters
-    ----------
-    shooting : Shooting
-    point : ShootingEvaluation
-        The first orbit.
-    direction : float array
-        Tangent at the first orbit.
-    """
+    """Detector of the return of a branch or curve to its first orbit, with the tangent there."""
 
     def __init__(self, shooting: Shooting, point: ShootingEvaluation, direction: Floats) -> None:
         self.mode, self.values = shooting.segments[0].mode, point.values
@@ -273,12 +234,8 @@ class ClosureDetector:
         """Return the position in a step of a return to the first orbit, in the same direction.
 
         None without a return. The orbit may start in another forcing period, a limit cycle at any
-        phase, and its segments may differ: orbits are equal if the first state lies on both.
-
-        Raises
-        ------
-        OrbitError
-            If a point within the step cannot be corrected.
+        phase, and its segments may differ: orbits are equal if the first state lies on both. Raises
+        OrbitError if a point within the step cannot be corrected.
         """
 
         def beyond(point: ShootingEvaluation) -> float:
@@ -428,26 +385,14 @@ class ContinuationRecord(Protocol[R, E]):
 
 @dataclass(frozen=True)
 class LocatedEvents(Generic[P, E]):
-    """Special points located within a step.
-
-    Attributes
-    ----------
-    events : list
-        In order.
-    loss : object, optional
-        The last point, if the equations are invalid beyond it.
-    reason : str
-        Reason for the loss.
-    before : ShootingEvaluation or EquilibriumEvaluation, optional
-        The last point before the loss at which the test functions were evaluated.
-    corner : bool
-        Whether the branch has a corner there, where its tangent may turn by any angle.
-    """
+    """Special points located within a step, in order."""
 
     events: list[E]
-    loss: E | None = None
-    reason: str = ""
+    loss: E | None = None  # the last point, if the equations are invalid beyond it
+    reason: str = ""  # for the loss
+    # The last point before the loss at which the test functions were evaluated.
     before: P | None = None
+    # Whether the branch has a corner there, where its tangent may turn by any angle.
     corner: bool = False
 
 
@@ -460,22 +405,11 @@ class Restart(NamedTuple, Generic[P]):
 
 
 class ContinuationProblem(ABC, Generic[P, R, E]):
-    """Problem of a continuation: equations, test functions, and the treatment of special points.
+    """Problem of a continuation: equations, test functions, and the treatment of special points."""
 
-    Attributes
-    ----------
-    branch : ContinuationRecord
-        Result.
-    family : Family
-    parameters : tuple of str
-        The active parameters; the last one has bounds.
-    noun : str
-        Noun for the result in messages.
-    """
-
-    branch: ContinuationRecord[R, E]
+    branch: ContinuationRecord[R, E]  # the result
     family: Family
-    parameters: tuple[str, ...]
+    parameters: tuple[str, ...]  # the active ones; the last one has bounds
     noun = "branch"
 
     @abstractmethod
@@ -583,20 +517,9 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
 class Continuation(Generic[P, R, E]):
     """Pseudo-arclength continuation of a problem from a point, an iterable of its points.
 
-    The caller may stop the iteration at any point; the result so far remains.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-    point : ShootingEvaluation or EquilibriumEvaluation
-        A solution.
-    direction : float array
-        Its unit tangent, in the direction of continuation.
-    low, high : float
-        Bounds of the last parameter.
-    steps : StepControl
-    stop_at : collection of str
-        Kinds of special points at which the continuation ends.
+    The caller may stop the iteration at any point; the result so far remains. `direction` is the
+    unit tangent of the solution `point`, `low` and `high` bound the last parameter, and the
+    continuation ends at special points of the kinds `stop_at`.
     """
 
     def __init__(

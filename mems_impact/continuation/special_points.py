@@ -46,12 +46,8 @@ def locate_zero(
 ) -> tuple[float, OrbitEvent] | None:
     """Locate the zero of `monitor` within the first `length` of a step.
 
-    Return the position in the step with the point, or None if the sign change is no zero.
-
-    Raises
-    ------
-    OrbitError
-        If no zero is found within the step.
+    Return the position in the step with the point, or None if the sign change is no zero. Raises
+    OrbitError if no zero is found within the step.
     """
 
     def test(here: ShootingEvaluation) -> float:
@@ -75,12 +71,8 @@ def locate_defect(
     """Locate the last admissible orbit within the first `length` of a step.
 
     The search detects losses without a zero of a test function: an event leads to another mode, or
-    a new closest approach appears with a negative margin.
-
-    Raises
-    ------
-    OrbitError
-        If a point within the step cannot be corrected.
+    a new closest approach appears with a negative margin. Raises OrbitError if a point within the
+    step cannot be corrected.
     """
     kept, lost = admissible_bracket(shooting, step, 0.0, length)
     defect = defects(shooting, step.at(lost).point)[0]
@@ -113,10 +105,7 @@ def locate_choice(
 ) -> tuple[float, OrbitEvent] | None:
     """Locate a change of the mode after an event of an orbit near `position`, if there is one.
 
-    Raises
-    ------
-    OrbitError
-        If a point nearby cannot be corrected.
+    Raises OrbitError if a point nearby cannot be corrected.
     """
     sides = [step.at(position + s).point for s in (-COMPARISON_DISTANCE, COMPARISON_DISTANCE)]
     for i, segment in enumerate(shooting.segments):

@@ -34,30 +34,16 @@ BORDER_RTOL = 1e-6  # largest relative growth of a value on the border
 
 @dataclass(frozen=True)
 class Border:
-    """A line in the complex plane beyond which eigenvalues are unstable.
+    """A line in the complex plane beyond which eigenvalues are unstable."""
 
-    Attributes
-    ----------
-    growth : callable
-        Growth of each of an array of values: negative within the border, positive beyond.
-    size : callable
-        Scale of the growth of each value.
-    distance : callable
-        Distance between values, for their pairing.
-    center : float
-        Point of the border at which the equations are singular.
-    accuracy : float
-        Relative accuracy of the entries of a matrix.
-    fold_distance : float
-        Largest distance of a value from `center` at a fold; farther away, the turn of the parameter
-        is rounding.
-    """
-
+    # Of each of an array of values: negative within the border, positive beyond.
     growth: Callable[[Complexes], Floats]
-    size: Callable[[Complexes], Floats]
-    distance: Callable[[Complexes, Complexes], Floats]
-    center: float
-    accuracy: float
+    size: Callable[[Complexes], Floats]  # scale of the growth of each value
+    distance: Callable[[Complexes, Complexes], Floats]  # between values, for their pairing
+    center: float  # point of the border at which the equations are singular
+    accuracy: float  # relative accuracy of the entries of a matrix
+    # Largest distance of a value from `center` at a fold; farther away, the turn of the parameter
+    # is rounding.
     fold_distance: float
 
     def spectrum(self, matrix: Floats) -> Spectrum:
@@ -104,38 +90,24 @@ class Border:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Eigenvalues or multipliers.
-
-    Attributes
-    ----------
-    values : complex array, shape (n,)
-    growth : float array, shape (n,)
-        Positive for unstable values.
-    uncertainty : float array, shape (n,)
-        Uncertainty of the growth.
-    """
+    """Eigenvalues or multipliers, with their growth, positive for unstable values; shapes (n,)."""
 
     values: Complexes
     growth: Floats
-    uncertainty: Floats
+    uncertainty: Floats  # of the growth
 
 
 @dataclass(frozen=True)
 class Crossing:
     """Crossing of an eigenvalue with its conjugate, or of several at one position, in a step.
 
-    Attributes
-    ----------
-    begin, end : float
-        Bracket, equal if the crossing is located. A crossing at `Border.center`, where the
-        equations may be singular, is only bracketed.
-    value : complex
-        One of the eigenvalues.
+    The bracket from `begin` to `end` is a point if the crossing is located. A crossing at
+    `Border.center`, where the equations may be singular, is only bracketed.
     """
 
     begin: float
     end: float
-    value: complex
+    value: complex  # one of the eigenvalues
 
 
 def _chord(values: Complexes, others: Complexes) -> Floats:
@@ -174,16 +146,9 @@ CIRCLE = Border(
 class Crossings:
     """Search for crossings in a step.
 
-    Parameters
-    ----------
-    border : Border
-    matrix : callable
-        Matrix of the eigenvalues at a position in the step, or its factors. It may raise an
-        OrbitError.
-    previous : tuple, optional
-        A (negative) position before the step, with the spectrum there.
-    start : Spectrum, optional
-        The spectrum at the start of the step, if it is known.
+    `matrix` returns the matrix of the eigenvalues at a position in the step, or its factors, and
+    may raise OrbitError. `previous` is a (negative) position before the step, with the spectrum
+    there; `start` is the spectrum at the start, if it is known.
     """
 
     def __init__(
@@ -299,14 +264,7 @@ class Crossings:
 
 
 def unexplained(crossings: list[Crossing], positions: list[float]) -> list[Crossing]:
-    """Return the bracketed crossings without a fold or branch point inside.
-
-    Parameters
-    ----------
-    crossings : list of Crossing
-    positions : list of float
-        Positions of the folds and branch points of the step.
-    """
+    """Return the bracketed crossings without a fold or branch point, at `positions`, inside."""
     return [
         each
         for each in crossings
@@ -334,42 +292,21 @@ X = TypeVar("X", bound=LocatedPoint)
 
 
 class Bifurcation(NamedTuple, Generic[P]):
-    """A bifurcation within a step.
-
-    Attributes
-    ----------
-    position : float
-        Position in the step.
-    kind : str
-        "fold", "branch point", "crossing" or "unexplained".
-    point : ShootingEvaluation or EquilibriumEvaluation
-    value : complex
-        The eigenvalue on the border of stability.
-    """
+    """A bifurcation within a step."""
 
     position: float
-    kind: str
+    kind: str  # "fold", "branch point", "crossing" or "unexplained"
     point: P
-    value: complex
+    value: complex  # the eigenvalue on the border of stability
 
 
 class Bifurcations(Generic[P]):
-    """Search for bifurcations along a branch.
+    """Search for bifurcations along a branch, of equations with one active parameter.
 
     A change in the number of unstable eigenvalues is the crossing of a pair or of a multiplier -1,
     or occurs at a fold or a branch point. A step with an unlocated change is repeated with a
-    shorter length; in a short step the change is "unexplained".
-
-    Parameters
-    ----------
-    equations : Shooting or EquilibriumEquations
-        With one active parameter.
-    border : Border
-        Border of stability.
-    matrix : callable
-        Matrix of the eigenvalues at a point, or its factors.
-    short_length : float
-        Length below which a step is short.
+    shorter length; in a step below `short_length` the change is "unexplained". `matrix` returns the
+    matrix of the eigenvalues at a point, or its factors.
     """
 
     def __init__(
@@ -391,17 +328,8 @@ class Bifurcations(Generic[P]):
     ) -> list[Bifurcation[P]]:
         """Return all bifurcations in the first `length` of a step, in order.
 
-        Parameters
-        ----------
-        step : PredictorStep
-        length : float
-        first, last : float
-            `regularity` at both ends.
-
-        Raises
-        ------
-        OrbitError
-            If a bifurcation cannot be located in this step.
+        `first` and `last` are the `regularity` at both ends. Raises OrbitError if a bifurcation
+        cannot be located in this step.
         """
         center, is_short = complex(self._border.center), length < self._short_length
         bifurcations = []

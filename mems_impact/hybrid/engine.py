@@ -47,43 +47,28 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class EngineBinding:
-    """An engine for one problem, and calls of functions over `integrators.interface` on it.
+    """An engine for one problem, and calls of functions over `integrators.interface` on it."""
 
-    Attributes
-    ----------
-    call : callable
-        ``call(function, *arguments)`` calls `function`, written over
-        `mems_impact.integrators.interface`, with the engine as its first argument; compiled for a
-        compiled engine.
-    engine : Engine
-        The engine itself.
-    table : callable
-        ``table(rows, width)`` returns rows of zeros, long enough for a state with its columns: an
-        array, or for interpreted code lists, which Python reads several times as fast.
-    record : callable
-        ``record(dtype, arrays, numbers)`` returns a record with the fields of `dtype`: zero except
-        for `arrays`, which it does not keep alive, and `numbers`.
-    quota : StepQuota
-        Of each call of the event loop.
-    kernel_addresses : callable
-        ``kernel_addresses(clock, observe, n, count)`` returns the addresses that compiled code of
-        `recurrence` calls, and an object that has to live as long; interpreted, `observe` itself.
-    tangents_reference : callable
-        ``tangents_reference(tangents, n, size)`` returns the address of the compiled function of
-        `mems_impact.hybrid.variational.flow.event_tangents`, and an object that has to live as
-        long; interpreted, the function itself.
-    array_reference : callable
-        Returns the representation of an array in a record: its address, or the array.
-    """
-
+    # ``call(function, *arguments)`` calls `function`, written over
+    # `mems_impact.integrators.interface`, with the engine as its first argument; compiled for a
+    # compiled engine.
     call: Callable[..., Any]
     engine: Engine
+    # ``table(rows, width)`` returns rows of zeros, long enough for a state with its columns: an
+    # array, or for interpreted code lists, which Python reads several times as fast.
     table: Callable[[int, int], Any]
+    # ``record(dtype, arrays, numbers)`` returns a record with the fields of `dtype`: zero except
+    # for `arrays`, which it does not keep alive, and `numbers`.
     record: Callable[..., Any]
-    quota: StepQuota
+    quota: StepQuota  # of each call of the event loop
+    # ``kernel_addresses(clock, observe, n, count)`` returns the addresses that compiled code of
+    # `recurrence` calls, and an object that has to live as long; interpreted, `observe` itself.
     kernel_addresses: Callable[..., tuple[dict[str, Any], Any]]
+    # ``tangents_reference(tangents, n, size)`` returns the address of the compiled function of
+    # `mems_impact.hybrid.variational.flow.event_tangents`, and an object that has to live as long;
+    # interpreted, the function itself.
     tangents_reference: Callable[[Callable[..., Any], int, int], tuple[Any, Any]]
-    array_reference: Callable[[Any], Any]
+    array_reference: Callable[[Any], Any]  # returns an array's address, or the array, for a record
 
 
 CALL_SECONDS = 0.1  # processor time of a call of a loop
@@ -96,17 +81,11 @@ class StepQuota:
 
     Between calls Python handles Ctrl-C and reports progress. It waits for the global interpreter
     lock, 5 ms for each thread that computes in Python, in which the core is idle.
-
-    Attributes
-    ----------
-    steps : int
-        Of the next call. At first so few that they take less than a second, whatever a step costs.
-    last : int
-        Of the last call.
     """
 
+    # Of the next call. At first so few that they take less than a second, whatever a step costs.
     steps: int
-    last: int = 0
+    last: int = 0  # of the last call
 
     def call(self, function: Callable[..., int], *arguments: Any) -> int:
         """Call a function, with the number of steps as its last argument; return its status."""
@@ -143,16 +122,10 @@ def create_engine(
 ) -> EngineBinding:
     """Create the engine that the problem's options require, of its equations or an extension.
 
-    An extension has no section; unless `sectioned`, the problem's own is not observed.
-
-    Raises
-    ------
-    EngineUnavailable
-        If the interpreted engine needs scikit-sundae, and it is not installed.
-    FunctionError
-        If a function cannot be compiled. Later calls raise it if a function fails.
-    FunctionsMissing
-        If the problem has no functions.
+    An extension has no section; unless `sectioned`, the problem's own is not observed. Raises
+    EngineUnavailable if the interpreted engine needs scikit-sundae, and it is not installed;
+    FunctionsMissing if the problem has no functions; FunctionError if a function cannot be
+    compiled. Later calls raise FunctionError if a function fails.
     """
     if problem.unavailable_reason:
         raise FunctionsMissing(problem.unavailable_reason)
@@ -332,20 +305,8 @@ EVENT_ROWS = 4096  # and one for each guard
 class LoopMemory:
     """Clock, table and buffers of the event loop.
 
-    Parameters
-    ----------
-    problem : Problem
-    binding : EngineBinding
-    sample_rows : int
-        Rows of the sample buffer.
-    **numbers
-        Fields of the clock that the problem does not determine.
-
-    Attributes
-    ----------
-    clock : LOOP_STATE
-    table : float array, or lists for interpreted code
-    events, samples : float array
+    The clock is a record LOOP_STATE; `numbers` are its fields that the problem does not determine.
+    The table is an array, or lists for interpreted code.
     """
 
     def __init__(

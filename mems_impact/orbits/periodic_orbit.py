@@ -33,53 +33,32 @@ MAX_TOUCH_RATIO = 1e4  # of a change of the flow to the rate of its guard, for b
 class AdmissibilityViolation:
     """A violation of the automaton's conditions by a solution of the shooting equations.
 
-    Attributes
-    ----------
-    segment : int
-    guard : str
-        The guard of the violated condition.
-    kind : str
-        "missed" (the margin is negative inside or at an end of the segment), "reversed" (the guard
-        that ends the segment is reached from outside), "mode" (the transition leads to another
-        mode), "order" (the segment ends before it starts).
-    value : float
-        The margin, the rate, or the length of the segment.
+    `kind` is "missed" (the margin is negative inside or at an end of the segment), "reversed" (the
+    guard that ends the segment is reached from outside), "mode" (the transition leads to another
+    mode), or "order" (the segment ends before it starts).
     """
 
     segment: int
-    guard: str
+    guard: str  # the guard of the violated condition
     kind: str
-    value: float
+    value: float  # the margin, the rate, or the length of the segment
 
 
 @dataclass(frozen=True)
 class PeriodicOrbit:
     """A periodic orbit of an automaton, admissible or not.
 
-    Attributes
-    ----------
-    family : Family
-        The family at the values of the orbit.
-    periods : int
-        Number of periods of the problem.
-    shooting : Shooting
-    point : ShootingEvaluation
-        The solved equations.
-    multipliers : complex array
-        Floquet multipliers on the components that are neither cyclic nor fixed in the first
-        segment, largest first, without the trivial one of a limit cycle; if all are fixed, as in
-        rest contact, a single 0, since perturbations vanish in finite time.
-    defects : tuple of AdmissibilityViolation
-        Empty if the orbit is admissible.
-    stable : bool or None
-        Whether all multipliers lie inside the unit circle; None if one lies on it within its error
-        and none beyond.
+    `multipliers` are the Floquet multipliers on the components that are neither cyclic nor fixed in
+    the first segment, largest first, without the trivial one of a limit cycle; if all are fixed, as
+    in rest contact, a single 0, since perturbations vanish in finite time. `defects` are empty if
+    the orbit is admissible. `stable` says that all multipliers lie inside the unit circle; None if
+    one lies on it within its error and none beyond.
     """
 
-    family: Family
-    periods: int
+    family: Family  # at the values of the orbit
+    periods: int  # number of periods of the problem
     shooting: Shooting
-    point: ShootingEvaluation
+    point: ShootingEvaluation  # the solved equations
     multipliers: Complexes
     # Of many orbits along a branch neither is read.
     defects: OnDemand[tuple[AdmissibilityViolation, ...]] = OnDemand()  # noqa: RUF009

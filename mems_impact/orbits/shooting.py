@@ -127,30 +127,17 @@ class UnknownLayout:
 
 @dataclass(frozen=True)
 class Phase:
-    """Phase condition: the first state of a cycle lies in a plane of the free components.
+    """Phase condition: the first state of a cycle lies in a plane of the free components."""
 
-    Attributes
-    ----------
-    normal : tuple of float
-        Unit normal.
-    level : float
-        Value of ``normal @ y`` in the plane.
-    unit : float
-        Unit of the times among the unknowns, near the period, which may grow without bound.
-    """
-
-    normal: tuple[float, ...]
-    level: float
-    unit: float
+    normal: tuple[float, ...]  # unit normal
+    level: float  # value of ``normal @ y`` in the plane
+    unit: float  # of the times among the unknowns, near the period, which may grow without bound
 
     @classmethod
     def across(cls, flow: Floats, y: Floats, unit: float) -> Phase:
         """Return the plane through a state normal to the flow there, in the free components.
 
-        Raises
-        ------
-        OrbitError
-            If the flow is zero.
+        Raises OrbitError if the flow is zero.
         """
         speed = float(np.linalg.norm(flow))
         if speed == 0.0:
@@ -197,34 +184,22 @@ TIME_SCALE_RATIO = 1.5  # ratio of time scales from which the step bounds are re
 
 @dataclass(frozen=True, eq=False)
 class ShootingEvaluation(Linearization):
-    """One evaluation of the equations.
+    """One evaluation of the equations of N segments, by unknowns and k active parameters.
 
-    Attributes
-    ----------
-    unknowns : float array, shape (N f + events,), or one more
-    parameter_point : ParameterPoint
-        The problem's numbers at the values of the active parameters; the period is that of the
-        cycle if the system is autonomous.
-    residual : float array, shape of `unknowns`
-    derivatives : float array, shape (len(unknowns), len(unknowns) + k)
-        Of the residual, by the unknowns and the active parameters.
-    arcs : tuple of Arc
-    events : tuple of Event or None
-        One per segment; None if it ends with the period.
-    starts, ends : float array, shape (N,)
-        Times of the segments, each since the start of its period.
-    end_derivatives : float array, shape (N, n, len(unknowns) + k)
-        Of the states at the ends, before the events.
-    pieces : tuple of Arc
-        Arcs of the pieces of segments with nodes; empty if there are none.
+    `events` has one per segment; None if it ends with the period. `pieces` are the arcs of the
+    pieces of segments with nodes; empty if there are none.
     """
 
-    unknowns: Floats
+    unknowns: Floats  # shape (N f + events,), or one more
+    # The problem's numbers at the values of the active parameters; the period is that of the cycle
+    # if the system is autonomous.
     parameter_point: ParameterPoint
-    residual: Floats
-    derivatives: Floats
+    residual: Floats  # shape of `unknowns`
+    derivatives: Floats  # of the residual, shape (len(unknowns), len(unknowns) + k)
+    # Times of the segments, as `ends`, each since the start of its period, shape (N,).
     starts: Floats
     ends: Floats
+    # Of the states at the ends, before the events, shape (N, n, len(unknowns) + k).
     end_derivatives: Floats
     # Most evaluations are steps to a solution, whose arcs and events are not read.
     arcs: OnDemand[tuple[Arc, ...]] = OnDemand()  # noqa: RUF009 - a descriptor
@@ -255,42 +230,23 @@ class ShootingEvaluation(Linearization):
 
 
 class SegmentPiece(NamedTuple):
-    """A part of a segment between nodes, and its arc.
-
-    Attributes
-    ----------
-    segment, mode : int
-    start, end : float
-        Since the start of the period.
-    state : float array, shape (n,)
-        At the start.
-    arc : Arc
-    """
+    """A part of a segment between nodes, and its arc."""
 
     segment: int
     mode: int
-    start: float
+    start: float  # since the start of the period, as `end`
     end: float
-    state: Floats
+    state: Floats  # at the start, shape (n,)
     arc: Arc
 
 
 class Shooting:
     """Shooting equations of the orbits with one signature, in a family.
 
-    Parameters
-    ----------
-    family : Family
-    segments : tuple of Segment
-    active : tuple of str
-        Names of the parameters by which to differentiate.
-    pinned : mapping of int to tuple of float, optional
-        Coefficients of linear combinations of the first state that are kept fixed, by a component
-        with coefficient 1 (see `pin`).
-    phase : Phase, optional
-        Phase condition of a limit cycle, whose period is then an unknown.
-    nodes : sequence of tuple of float, optional
-        For each segment the nodes inside, as ascending fractions of its length; none by default.
+    The equations are differentiated by the parameters `active`. `pinned` has coefficients of linear
+    combinations of the first state that are kept fixed, by a component with coefficient 1 (see
+    `pin`). The period of a limit cycle, with a phase condition, is an unknown. `nodes` inside each
+    segment are ascending fractions of its length.
     """
 
     is_refined = False
@@ -439,10 +395,7 @@ class Shooting:
     def parameter_point(self, values: Floats) -> ParameterPoint:
         """Return the problem's numbers at values of the active parameters.
 
-        Raises
-        ------
-        OrbitError
-            If the forcing period jumps between the previous values and these.
+        Raises OrbitError if the forcing period jumps between the previous values and these.
         """
         # Corrections at fixed values request the same numbers repeatedly.
         last = self._last or self._first
@@ -469,13 +422,7 @@ class Shooting:
         return self._variational.at(at.parameters, at.directions)
 
     def evaluate(self, unknowns: Floats, values: Floats) -> ShootingEvaluation:
-        """Evaluate residual and derivatives.
-
-        Raises
-        ------
-        OrbitError
-            If an arc cannot be integrated.
-        """
+        """Evaluate residual and derivatives; raise OrbitError if an arc cannot be integrated."""
         at, layout, free = self.parameter_point(values), self.layout, self.layout.free
         if self.phase is not None:
             at = at.with_period(self.unit * float(unknowns[-1]))

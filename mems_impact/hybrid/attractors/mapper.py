@@ -48,15 +48,10 @@ __all__ = [
 class CompiledObservables:
     """The observables of a motion, as one function.
 
-    Attributes
-    ----------
-    function : callable
-        ``function(mode, code, t, states, p, out)`` writes the observables: with `code` -1 those of
-        the state, into the first ``len(gains)`` components of `out`; with the code of a transition
-        those of its events, into the components after them. `states` contains the states before and
-        after an event.
-    gains, marks : tuple of str
-        Names of the observables of the state, and at events.
+    ``function(mode, code, t, states, p, out)`` writes the observables: with `code` -1 those of the
+    state (`gains`), into the first components of `out`; with the code of a transition those of its
+    events (`marks`), into the components after them. `states` contains the states before and after
+    an event.
     """
 
     function: Callable[..., Any]
@@ -74,18 +69,10 @@ def observed(
 ) -> CompiledObservables:
     """Return observables as one function; cached.
 
-    Parameters
-    ----------
-    observables : tuple of (str, callable, tuple of int)
-        Name, function, and the codes of the events at which it is evaluated; empty for an
-        observable of the state.
-    states : tuple of str
-    parameters : tuple of str or None
-        Names by which functions read ``p``; None if they take an array.
-    by_array : bool
-        Whether functions receive the state as an array.
-    typical : Typical, optional
-        Units of the numerics, if they differ from those of the functions.
+    An observable has a name, a function, and the codes of the events at which it is evaluated; none
+    for an observable of the state. `parameters` are the names by which functions read ``p``; None
+    if they take an array. With `by_array` functions receive the state as an array. `typical` has
+    the units of the numerics, if they differ from those of the functions.
     """
     gains = [each for each in observables if not each[2]]
     marks = [each for each in observables if each[2]]
@@ -144,59 +131,31 @@ class RecurrenceColumns:
     """The attractors of points, by columns, in the units of the numerics.
 
     Each array has one row per point; an array of one axis is a column.
-
-    Attributes
-    ----------
-    outcome : int array
-        PERIODIC, APERIODIC, STATIONARY or FAILED of `recurrence`.
-    repeats : int array
-        Period of the motion in returns; 0 if it is not periodic.
-    returns : int array
-        Number of computed returns.
-    measured : float array
-        Number of returns that the statistics below cover: one period of a periodic motion.
-    at_rest : bool array
-        Whether all non-cyclic components are at rest.
-    cycle, time, mode : array
-        Time and mode of the last state; of a periodic motion that at the last return.
-    y : float array, shape (points, n)
-        The last state.
-    duration : float array
-        Time that the statistics cover.
-    endings : float array
-        Number of complete chatter sequences.
-    counts : float array, shape (points, m)
-        Transitions by guard.
-    closest : float array, shape (points, m)
-        Smallest margins at closest approaches; inf without any.
-    lasted : float array, shape (points, modes)
-        Time in each mode.
-    gains, deviations : dict of str to float array
-        Total change of each observable of the state, and the standard deviation of its change per
-        return.
-    marks : dict of str to float array, shape (points, 4)
-        Of each observable at events: number, sum, minimum, maximum.
-    visited : float array, shape (points, longest, n)
-        The states at the last returns, latest first; NaN for returns before the start.
     """
 
-    outcome: NDArray[np.int64]
-    repeats: NDArray[np.int64]
-    returns: NDArray[np.int64]
+    outcome: NDArray[np.int64]  # PERIODIC, APERIODIC, STATIONARY or FAILED of `recurrence`
+    repeats: NDArray[np.int64]  # period of the motion in returns; 0 if it is not periodic
+    returns: NDArray[np.int64]  # number of computed returns
+    # Number of returns that the statistics below cover: one period of a periodic motion.
     measured: Floats
-    at_rest: NDArray[np.bool_]
+    at_rest: NDArray[np.bool_]  # whether all non-cyclic components are at rest
+    # Time and mode of the last state, in this and the next two; of a periodic motion that at the
+    # last return.
     cycle: NDArray[np.int64]
     time: Floats
     mode: NDArray[np.int64]
-    y: Floats
-    duration: Floats
-    endings: Floats
-    counts: Floats
-    closest: Floats
-    lasted: Floats
-    gains: dict[str, Floats]
-    deviations: dict[str, Floats]
+    y: Floats  # the last state, shape (points, n)
+    duration: Floats  # time that the statistics cover
+    endings: Floats  # number of complete chatter sequences
+    counts: Floats  # transitions by guard, shape (points, m)
+    closest: Floats  # smallest margins at closest approaches, shape (points, m); inf without any
+    lasted: Floats  # time in each mode, shape (points, modes)
+    gains: dict[str, Floats]  # total change of each observable of the state
+    deviations: dict[str, Floats]  # standard deviation of the change per return
+    # Of each observable at events: number, sum, minimum, maximum; shape (points, 4).
     marks: dict[str, Floats]
+    # The states at the last returns, latest first, shape (points, longest, n); NaN for returns
+    # before the start.
     visited: Floats
 
     def take(self, points: Sequence[int]) -> RecurrenceColumns:
@@ -225,20 +184,11 @@ class RecurrenceColumns:
 class AttractorMapper:
     """Maps initial states to attractors, for points of one automaton.
 
-    Parameters
-    ----------
-    problem : Problem
-        Each point replaces its parameters and switching times, whose numbers are fixed.
-    longest : int
-        Longest period, in returns.
-    tolerance : float
-        Relative tolerance for recognizing a periodic motion, per component.
-    return_kind : int, optional
-        Kind of return: STROBOSCOPIC, AT_SECTION or AT_GUARD of `recurrence`.
-    return_index : int, optional
-        The direction of the section, or the guard.
-    observed : CompiledObservables, optional
-        Observables beside counts and times.
+    Each point replaces parameters and switching times of the problem, whose numbers are fixed.
+    `longest` is the longest period, in returns; `tolerance` is relative, per component, for
+    recognizing a periodic motion. `return_kind` is STROBOSCOPIC, AT_SECTION or AT_GUARD of
+    `recurrence`, and `return_index` the direction of the section, or the guard. `observed` are
+    observables beside counts and times.
     """
 
     def __init__(
@@ -299,24 +249,13 @@ class AttractorMapper:
         watch: Callable[[float], None] | None = None,
         discontinuity_check: Callable[[int, HybridState, float], None] | None = None,
     ) -> RecurrenceColumns:
-        """Compute the attractors of points.
+        """Compute the attractors of points: parameters of the problem and initial state of each.
 
-        Parameters
-        ----------
-        points : sequence of (ProblemParameters, HybridState)
-            Parameters of the problem and initial state of each point.
-        transient, length : float
-            Longest transient in periods of the problem, and length of the statistics of a motion
-            that is not periodic by then.
-        watch : callable, optional
-            Called several times a second with the number of completed points; it may raise.
-        discontinuity_check : callable, optional
-            As `Problem.discontinuity_check`, with the number of the point as first argument.
-
-        Returns
-        -------
-        RecurrenceColumns
-            A failed point has the outcome FAILED; an ordinary run gives the reason.
+        The longest transient is in periods of the problem, as is the length of the statistics of a
+        motion that is not periodic by then. `watch` is called several times a second with the
+        number of completed points; it may raise. `discontinuity_check` is as that of `Problem`,
+        with the number of the point as first argument. A failed point has the outcome FAILED; an
+        ordinary run gives the reason.
         """
         n, m, modes, _, _ = self._sizes
         inputs = np.array([_row(*point, m) for point in points])

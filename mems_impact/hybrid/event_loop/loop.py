@@ -114,21 +114,12 @@ MAX_COLLAPSES = 4  # all reported; then the 8th, 16th, 32nd …, since a stiff s
 def run_steps(engine: Any, s: Any, quota: int) -> int:
     """Integrate until the end, a full buffer, the quota of steps or a failure.
 
-    Parameters
-    ----------
-    engine : an engine with the interface `mems_impact.integrators.interface`
-    s : LOOP_STATE record
-    quota : int
-        Steps that this call may take; without any it performs the transitions of the present
-        instant.
-
-    Returns
-    -------
-    int
-        PAUSED, BUFFER_FULL, DONE, or the reason why the run ended (see `workspace`).
-        ``s.collapse_length`` is above zero where the last step was so short that the flow may jump.
-        ``s.failure`` is the engine's code after FAILED, the guard after INADMISSIBLE,
-        WITHOUT_EFFECT and NOT_FINITE, the mode after NO_SUCH_MODE.
+    `engine` has the interface `mems_impact.integrators.interface`, `s` is a record LOOP_STATE.
+    Without any quota the call performs the transitions of the present instant. Returns PAUSED,
+    BUFFER_FULL, DONE, or the reason why the run ended (see `workspace`). ``s.collapse_length`` is
+    above zero where the last step was so short that the flow may jump. ``s.failure`` is the
+    engine's code after FAILED, the guard after INADMISSIBLE, WITHOUT_EFFECT and NOT_FINITE, the
+    mode after NO_SUCH_MODE.
     """
     y = table_row(s, Y)
     while True:

@@ -29,55 +29,30 @@ from mems_impact.hybrid.variational.saltation import (
 
 
 class Arc(NamedTuple):
-    """An arc of fixed length and its sensitivities.
+    """An arc of fixed length and its sensitivities."""
 
-    Attributes
-    ----------
-    end : float array, shape (n,)
-        The state at the end.
-    by_state : float array, shape (n, free)
-        Derivatives by the free components of the initial state.
-    by_parameter : float array, shape (n, directions)
-    slope_start, slope_end : float array, shape (n,)
-        The flow at both ends.
-    minima, minima_time : float array, shape (m,)
-        Smallest margin at a closest approach inside the arc (inf if there is none), and its time.
-    touches : float array, shape (m, n)
-        The state at that time.
-    margins, rates : float array, shape (2, m)
-        Margins and rates at both ends.
-    """
-
-    end: Floats
-    by_state: Floats
-    by_parameter: Floats
-    slope_start: Floats
+    end: Floats  # the state at the end, shape (n,)
+    by_state: Floats  # derivatives by the free components of the initial state, shape (n, free)
+    by_parameter: Floats  # shape (n, directions)
+    slope_start: Floats  # the flow at the start, shape (n,); `slope_end` at the end
     slope_end: Floats
+    # Smallest margin at a closest approach inside the arc, shape (m,); inf if there is none.
     minima: Floats
     minima_time: Floats
-    touches: Floats
-    margins: Floats
+    touches: Floats  # the state at `minima_time`, shape (m, n)
+    margins: Floats  # at both ends, shape (2, m), as `rates`
     rates: Floats
 
 
 class Event(NamedTuple):
-    """A transition and its derivatives.
+    """A transition and its derivatives, by state, time and parameters (directions).
 
-    Attributes
-    ----------
-    after : float array, shape (n,)
-    margins, rates : float array, shape (m,)
-        Before the transition.
-    margin_by_state, margin_by_time, margin_by_parameter
-        Of all margins, then of all rates; shapes (2 m, n), (2 m,), (2 m, directions).
-    jump_by_state, jump_by_time, jump_by_parameter
-        Of the state after; shapes (n, n), (n,), (n, directions).
-    mode : int
-        The mode after the transition.
+    The derivatives of margins are of all margins, then of all rates, shapes (2 m, n), (2 m,), (2 m,
+    directions); those of the jump, the state after, have the shapes (n, n), (n,), (n, directions).
     """
 
-    after: Floats
-    margins: Floats
+    after: Floats  # shape (n,)
+    margins: Floats  # before the transition, shape (m,), as `rates`
     rates: Floats
     margin_by_state: Floats
     margin_by_time: Floats
@@ -85,20 +60,13 @@ class Event(NamedTuple):
     jump_by_state: Floats
     jump_by_time: Floats
     jump_by_parameter: Floats
-    mode: int
+    mode: int  # the mode after the transition
 
 
 class Traversal(NamedTuple):
-    """The arcs and events of N segments, for n states, a part of them free, and m guards.
+    """The arcs and events of N segments, for n states, a part of them free, and m guards."""
 
-    Attributes
-    ----------
-    rows : record array, shape (N,)
-        See `mems_impact.hybrid.variational.saltation.segment_fields`.
-    n, m, free : int
-    """
-
-    rows: Any
+    rows: Any  # record array, shape (N,): see `saltation.segment_fields`
     n: int
     m: int
     free: int
@@ -142,11 +110,7 @@ class Traversal(NamedTuple):
 class Variational:
     """Computes arcs and events of a problem with their derivatives, on one engine.
 
-    Parameters
-    ----------
-    problem : Problem
-    directions : float array, shape (k, count)
-        Directions of differentiation in parameter space, of length of order one.
+    `directions` of differentiation in parameter space, shape (k, count), have lengths of order one.
     """
 
     def __init__(self, problem: Problem, directions: Floats) -> None:
@@ -200,25 +164,11 @@ class Variational:
     ) -> Traversal:
         """Compute N segments from given states, without event detection.
 
-        Parameters
-        ----------
-        segments : int array, shape (N, 2)
-            Mode, and code of the transition at the end (or `saltation.NO_EVENT`).
-        states : float array, shape (N, n)
-        times : float array, shape (N, 3)
-            Start; end; time at which the margins at the end are evaluated.
-        equations : tuple, optional
-            Further arguments of `saltation.evaluate_shooting`, which are evaluated too.
-
-        Returns
-        -------
-        Traversal
-            N arcs and events; NO_EVENT leaves the state unchanged.
-
-        Raises
-        ------
-        OrbitError
-            If the engine fails or exceeds the budget of steps.
+        `segments`, shape (N, 2), are mode, and code of the transition at the end;
+        `saltation.NO_EVENT` leaves the state unchanged. `states` has the shape (N, n); `times`,
+        shape (N, 3), are start, end, and the time at which the margins at the end are evaluated.
+        `equations` are further arguments of `saltation.evaluate_shooting`, which are evaluated too.
+        Raises OrbitError if the engine fails or exceeds the budget of steps.
         """
         values = self._before.repeat(len(segments), axis=0)
         rows = values.view(self._fields)[:, 0]

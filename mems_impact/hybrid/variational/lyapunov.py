@@ -50,41 +50,21 @@ GOLDEN_SECTION = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 class Exponents(NamedTuple):
-    """Lyapunov exponents, largest first.
+    """Lyapunov exponents, largest first."""
 
-    Attributes
-    ----------
-    per_period : float array, shape (k,)
-        Exponents per period of the problem; -inf if perturbations vanish.
-    errors : float array, shape (k,)
-        Standard errors; nan for fewer than `MIN_CHUNKS` chunks.
-    periods : float
-        Length of the average.
-    """
-
-    per_period: Floats
-    errors: Floats
-    periods: float
+    per_period: Floats  # per period of the problem, shape (k,); -inf if perturbations vanish
+    errors: Floats  # standard errors, shape (k,); nan for fewer than `MIN_CHUNKS` chunks
+    periods: float  # length of the average
 
 
 class LyapunovIntegrator:
-    """A run, continued chunk by chunk, and the growth of k perturbations.
+    """A run, continued chunk by chunk, and the growth of k (`count`) perturbations.
 
-    Parameters
-    ----------
-    problem : Problem
-    start : HybridState
-        On the attractor.
-    count : int, optional
-        k, at most the number of non-cyclic components.
-    chunk : int, optional
-        Periods per chunk.
-    uneven : bool, optional
-        Whether chunk lengths vary from one half to three halves of that length, for autonomous
-        systems, whose period may be close to the length of a chunk.
-    balanced : bool, optional
-        Whether components of columns are weighted for lengths and angles. Exponents do not depend
-        on weights; without them, columns of a badly scaled system are nearly parallel.
+    The start is on the attractor; k is at most the number of non-cyclic components; a chunk has
+    `chunk` periods. If `uneven`, chunk lengths vary from one half to three halves of that length,
+    for autonomous systems, whose period may be close to the length of a chunk. If `balanced`,
+    components of columns are weighted for lengths and angles. Exponents do not depend on weights;
+    without them, columns of a badly scaled system are nearly parallel.
     """
 
     def __init__(
@@ -202,10 +182,7 @@ class LyapunovIntegrator:
     ) -> None:
         """Run further chunks.
 
-        Raises
-        ------
-        RunError
-            If the run cannot continue. As on Ctrl-C, complete chunks are kept.
+        Raises RunError if the run cannot continue. As on Ctrl-C, complete chunks are kept.
         """
         first = len(self.lengths)
         lengths = np.array([self._length(first + i) for i in range(count)])
@@ -343,26 +320,12 @@ def largest(
 ) -> tuple[float, float, int]:
     """Return the largest exponent per period, its standard error, and the number of periods.
 
-    After a chunk in which the perturbation aligns with the direction of fastest growth, at least
-    `MIN_CHUNKS` chunks are used; the error is checked after each of the further ones.
-
-    Parameters
-    ----------
-    stretching : LyapunovIntegrator
-        At its start, with one column.
-    tolerance : float
-        Stop when the error is below this value.
-    sure : float
-        Stop when the exponent differs from zero by so many errors, and by `tolerance`.
-    periods : int
-        Stop after this number of periods.
-    progress : callable, optional
-        Called several times a second; it may raise.
-
-    Raises
-    ------
-    RunError
-        If the run cannot continue.
+    `stretching` is at its start, with one column. After a chunk in which the perturbation aligns
+    with the direction of fastest growth, at least `MIN_CHUNKS` chunks are used; the error is
+    checked after each of the further ones. The run stops when the error is below `tolerance`, when
+    the exponent differs from zero by `sure` errors and by `tolerance`, or after `periods`.
+    `progress` is called several times a second; it may raise. Raises RunError if the run cannot
+    continue.
     """
     stretching.align(progress)
     chunk, count = stretching.chunk, MIN_CHUNKS
@@ -384,6 +347,7 @@ def _with_scratch(problem: Problem, size: int) -> Floats:
 def standard_errors(growth: Floats, lengths: Floats) -> Floats:
     """Return the standard errors of the growth rates of columns.
 
+    `growth`, shape (N, k), are logarithms of the growth in N chunks of a run, of `lengths` (N,).
     Successive chunks are correlated, so they are combined to longer and longer blocks, and the
     largest estimate counts (Flyvbjerg and Petersen 1989). The last blocks are the two halves of the
     run, whose difference shows a slow convergence of the rate, such as log(t)/t.
@@ -393,12 +357,6 @@ def standard_errors(growth: Floats, lengths: Floats) -> Floats:
     rates of the two halves agree within d. For columns that approach each other at a rate g, the
     error of the first half is about a = g exp(-g T), and the halves differ by a g T > a^2 T, so
     that a is below sqrt(d/T).
-
-    Parameters
-    ----------
-    growth : float array, shape (N, k)
-        Logarithms of the growth in N chunks of a run.
-    lengths : float array, shape (N,)
     """
     errors = np.full(growth.shape[1], math.nan)
     if len(growth) < MIN_CHUNKS:

@@ -58,66 +58,36 @@ LOCATION = 1e-12  # largest error of the location of an event, in time scales
 
 
 class ColumnPath(NamedTuple):
-    """Pieces of a run, each an arc with the event at its end, and the columns along them.
+    """Pieces of a run, each an arc with the event at its end, and the s columns along them.
 
-    Attributes
-    ----------
-    variational : VariationalWorkspace
-    columns : int
-        s
-    pieces : int array, shape (N, 4)
-        Mode; kind of the event or SAMPLE; guard; mode after.
-    times : float array, shape (N, 4)
-        Start and end since the time base; periods by which the time base is later than before;
-        periods before the time base.
-    starts : float array, shape (N, n)
-        States at the start; nan where the piece continues the piece before.
-    arrivals, ends : float array, shape (N, n)
-        States before and after the event; nan for a cyclic component before it.
-    period_rates : float array, shape (s,)
-    switch_rates : float array, shape (N, s)
-        Derivatives of the time of a switch.
-    records : int array, shape (m,)
-        1 for a guard that only records.
-    tolerances : float array, shape (4,)
-        Relative and absolute tolerance of the run, time scale, period.
-    clock : int
-        Index of the time base in the parameters, or -1.
-    y, y_start : float arrays, shape (n (1 + s),)
-        State and columns, and those at the start of the arc.
-    before, after : float array, shape (N, n, s)
-        Output: columns at the end of each piece, before and after its event.
-    slopes : float array, shape (N, 2, n)
-        Output: the flow before and after the event.
-    instants : float array, shape (N, s)
-        Output: derivatives of the time of the event.
-    margins : float array, shape (N, 3)
-        Output: of the margin of the event its rate, the change of the rate along the flow, and its
-        error.
-    first_margins : float array, shape (2 m,)
-        Margins before the first event of the present instant.
+    The fields from `before` to `margins` are output.
     """
 
     variational: VariationalWorkspace
-    columns: int
-    pieces: Any
+    columns: int  # s
+    pieces: Any  # int array, shape (N, 4): mode; kind of the event or SAMPLE; guard; mode after
+    # Start and end since the time base; periods by which the time base is later than before;
+    # periods before the time base. Shape (N, 4).
     times: Any
+    # States at the start, shape (N, n); nan where the piece continues the piece before.
     starts: Any
-    arrivals: Any
-    ends: Any
-    period_rates: Any
-    switch_rates: Any
-    records: Any
-    tolerances: Any
-    clock: int
-    y: Any
-    y_start: Any
-    before: Any
-    after: Any
-    slopes: Any
-    instants: Any
+    arrivals: Any  # States before the event, shape (N, n); nan for a cyclic component.
+    ends: Any  # states after the event, shape (N, n)
+    period_rates: Any  # shape (s,)
+    switch_rates: Any  # derivatives of the time of a switch, shape (N, s)
+    records: Any  # 1 for a guard that only records, shape (m,)
+    tolerances: Any  # relative and absolute tolerance of the run, time scale, period
+    clock: int  # index of the time base in the parameters, or -1
+    y: Any  # state and columns, shape (n (1 + s),)
+    y_start: Any  # those at the start of the arc
+    before: Any  # columns at the end of each piece, before its event, shape (N, n, s)
+    after: Any  # the same after the event
+    slopes: Any  # the flow before and after the event, shape (N, 2, n)
+    instants: Any  # derivatives of the time of the event, shape (N, s)
+    # Of the margin of the event its rate, the change of the rate along the flow, and its error,
+    # shape (N, 3).
     margins: Any
-    first_margins: Any
+    first_margins: Any  # margins before the first event of the present instant, shape (2 m,)
 
 
 def propagate_columns(engine: Any, block: Any, path: Any, first: int) -> int:
@@ -365,22 +335,12 @@ SMOOTH, TIE, GRAZE, CHATTER_ENDS = "smooth", "tie", "graze", "chatter ends"
 
 
 class Quantities(NamedTuple):
-    """The quantities by which a run is differentiated.
+    """The quantities by which a run is differentiated."""
 
-    Attributes
-    ----------
-    starts : float array, shape (n, s)
-        Derivatives of the initial state.
-    directions : float array, shape (s, count)
-        Derivatives of the parameters, of order one.
-    period_rates : float array, shape (s,)
-    switch_rates : float array, shape (s, switches)
-    """
-
-    starts: Floats
-    directions: Floats
-    period_rates: Floats
-    switch_rates: Floats
+    starts: Floats  # derivatives of the initial state, shape (n, s)
+    directions: Floats  # derivatives of the parameters, of order one, shape (s, count)
+    period_rates: Floats  # shape (s,)
+    switch_rates: Floats  # shape (s, switches)
 
     def along(self, direction: Floats) -> Quantities:
         """Return the one quantity that is a combination of these."""
@@ -393,53 +353,26 @@ class Quantities(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Derivatives at the events of a run, then at some times.
+    """Derivatives at the events of a run, then at some times."""
 
-    Attributes
-    ----------
-    rows : int array, shape (N,)
-        Row of the event log, or -1 for a sample.
-    states : float array, shape (N, n)
-        After the event.
-    before, after : float array, shape (N, n, s)
-        At a fixed time since the time base of the arc, before and after the event.
-    slopes : float array, shape (N, 2, n)
-        The flow before and after the event.
-    instants : float array, shape (N, s)
-        Of the time of the event, since the time base of the arc.
-    bases : float array, shape (N,)
-        Periods before the time base of the arc.
-    times : float array, shape (N,)
-        Time of the event since then.
-    kinds : str array, shape (N,)
-        "smooth", "tie", "graze" or "chatter ends".
-    errors : float array, shape (N,)
-        Relative errors of the instants by the error of the margin.
-    """
-
-    rows: NDArray[np.int64]
-    states: Floats
+    rows: NDArray[np.int64]  # of the event log, shape (N,); -1 for a sample
+    states: Floats  # after the event, shape (N, n)
+    # At a fixed time since the time base of the arc, before the event, shape (N, n, s).
     before: Floats
-    after: Floats
-    slopes: Floats
-    instants: Floats
-    bases: Floats
-    times: Floats
-    kinds: NDArray[np.str_]
-    errors: Floats
+    after: Floats  # the same after the event
+    slopes: Floats  # the flow before and after the event, shape (N, 2, n)
+    instants: Floats  # of the time of the event, since the time base of the arc, shape (N, s)
+    bases: Floats  # periods before the time base of the arc, shape (N,)
+    times: Floats  # time of the event since then, shape (N,)
+    kinds: NDArray[np.str_]  # "smooth", "tie", "graze" or "chatter ends", shape (N,)
+    errors: Floats  # relative errors of the instants by the error of the margin, shape (N,)
 
 
 class RunColumns:
-    """The columns of a run by some quantities.
+    """The columns of a run, with its events, by some quantities.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        With its events.
-    quantities : Quantities
-    one_sided : bool, optional
-        Whether simultaneous events happen in the order of their instants for a small positive step.
-        Otherwise a column is nan beyond them unless all orders lead to it.
+    If `one_sided`, simultaneous events happen in the order of their instants for a small positive
+    step. Otherwise a column is nan beyond them unless all orders lead to it.
     """
 
     def __init__(
@@ -473,12 +406,8 @@ class RunColumns:
     def at(self, times: Floats, side: str = "after", inner: bool = False) -> Columns:
         """Return the columns at all events, and at some times since the start of period 0.
 
-        With `inner`, at closest approaches and crossings of the section, too.
-
-        Raises
-        ------
-        RunError
-            If an arc cannot be integrated with its columns.
+        With `inner`, at closest approaches and crossings of the section, too. Raises RunError if an
+        arc cannot be integrated with its columns.
         """
         rows, path = self._path(np.asarray(times, dtype=float), side, inner)
         kinds = np.full(len(rows), SMOOTH, dtype=object)
