@@ -37,6 +37,7 @@ FAST_ITERATIONS, SLOW_ITERATIONS = (
 )  # Newton iterations up to which a step grows, from which it shrinks
 PREDICTOR_POINTS = 3  # points that the predictor interpolates
 TINY = np.finfo(float).tiny
+POSITION_TOLERANCE = 1e-14  # of a special point within a step, which normal forms need
 MIN_SEPARATION_RATIO = 0.01  # least distance of these points, relative to the largest
 
 
@@ -185,7 +186,7 @@ class PredictorStep(Generic[P]):
         def value(s: float) -> float:
             return test(self.at(s).point)
 
-        return float(brentq(value, begin, length))
+        return float(brentq(value, begin, length, xtol=POSITION_TOLERANCE))
 
     def _add_curvature(self, s: float, unknowns: Floats) -> None:
         """Store the curvature of the branch at a known point."""

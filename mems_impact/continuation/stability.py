@@ -16,7 +16,12 @@ from scipy.linalg import eig
 from scipy.optimize import brentq, linear_sum_assignment
 
 from mems_impact._util.arrays import Complexes, Floats
-from mems_impact.continuation.arclength import SHORTER_STEP_REMEDY, PredictorStep, tangent
+from mems_impact.continuation.arclength import (
+    POSITION_TOLERANCE,
+    SHORTER_STEP_REMEDY,
+    PredictorStep,
+    tangent,
+)
 from mems_impact.continuation.branch_points import BranchPoints
 from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, UNEXPLAINED
 from mems_impact.errors import OrbitError
@@ -256,7 +261,7 @@ class Crossings:
         def growth(s: float) -> float:
             return float(self._border.growth(np.array(value(s))))
 
-        position = float(brentq(growth, begin, end))
+        position = float(brentq(growth, begin, end, xtol=POSITION_TOLERANCE))
         border_value = value(position)
         if abs(growth(position)) > BORDER_RTOL * float(self._border.size(np.array(border_value))):
             return None  # the value was confused with another one
