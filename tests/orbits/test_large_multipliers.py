@@ -210,7 +210,7 @@ def test_cycles_of_an_axon_connect_its_hopf_points(begin):
     branch = mi.switch_branch(hopf[begin], bounds=(0.0, 200.0), steps=steps)
     assert {each.label for each in branch.special_points} == {"CF", "PD"}
     forms = [each.normal_form for each in branch.special_points if each.label == "CF"]
-    # Differences of a map that expands 3,000 times; at the other fold from the second end they fail.
+    # Differences of a map that expands 3,000 times; at one fold from the second end they fail.
     assert sum(form.error < 1e-2 * abs(form.coefficient) for form in forms) >= 2
     last = branch.orbits[-1]
     assert last.system.parameters["I"] == pytest.approx(hopf[1 - begin].value, rel=1e-5)
