@@ -238,21 +238,13 @@ def device_definition(
     summed: bool = False,
     until: tuple[Callable[..., Any], tuple[float, ...], tuple[str, ...]] | None = None,
 ) -> Definition:
-    """Return the definition of an actuator under waveforms.
+    """Return the definition of an actuator with terms of these kinds under waveforms.
 
-    Parameters
-    ----------
-    kinds : tuple of TermKind
-        Kinds of the terms.
-    waveforms : Waveforms
-        Scalar functions of time and the drive's parameters (see
-        `mems_impact.actuator.drives.base.Drive`).
-    summed : bool, optional
-        Whether works and losses are additional states (see
-        `mems_impact.actuator.energy_accounting`).
-    until : tuple (callable, tuple of float, tuple of str), optional
-        A function of the user whose zero ends a run, the units of the states of the actuator, of
-        time and of its parameters, and the names of these parameters.
+    `waveforms` are scalar functions of time and the drive's parameters (see
+    `mems_impact.actuator.drives.base.Drive`). With `summed`, works and losses are additional states
+    (see `mems_impact.actuator.energy_accounting`). `until` is a function of the user whose zero
+    ends a run, with the units of the states of the actuator, of time and of its parameters, and the
+    names of these parameters.
     """
     model, states, assembled = assembled_device(kinds, waveforms, summed=summed)
     added = range(len(model.layout.states), len(states))

@@ -24,27 +24,15 @@ and losses by friction and by damping."""
 
 @dataclass(frozen=True)
 class EnergyAccounts:
-    """Stored energies and losses of an actuator by name, as functions for numba.
+    """Stored energies and losses of an actuator by name, as functions for numba."""
 
-    Attributes
-    ----------
-    dissipation : mapping of str to callable
-        ``dissipation(v, w, y, p)``, the power that each term dissipates.
-    at_electrodes : tuple of str
-        Names of losses at electrodes, which the drive supplies directly.
-    stored : mapping of str to callable
-        ``energy(v, w, y, p)``, each stored energy: of the moving bodies, the spring, terms.
-    fields : tuple of str
-        Names of field energies, which the drive supplies.
-    loads : tuple of str
-        Names of energies outside the device, which count as work done.
-    """
-
-    dissipation: dict[str, Function]
+    dissipation: dict[str, Function]  # ``(v, w, y, p)``, the power that each term dissipates
+    # Names of losses at electrodes, which the drive supplies directly.
     at_electrodes: tuple[str, ...]
+    # ``(v, w, y, p)``, each energy: of the moving bodies, the spring, terms.
     stored: dict[str, Function]
-    fields: tuple[str, ...]
-    loads: tuple[str, ...]
+    fields: tuple[str, ...]  # names of field energies, which the drive supplies
+    loads: tuple[str, ...]  # names of energies outside the device, which count as work done
 
 
 @cache

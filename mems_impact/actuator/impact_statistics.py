@@ -90,15 +90,10 @@ def energy_lost(events: Events, actuator: ActuatorParameters) -> Floats:
 
 
 def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
-    """Return the rows of the impacts and the step of the frame after each of them.
+    """Return the rows of the k impacts and the step of the frame after each of them, shape (k,).
 
-    A step is the displacement of the frame from an impact until the frame rests or the next
-    impact, whichever is first; NaN if neither has occurred.
-
-    Returns
-    -------
-    rows : int array, shape (k,)
-    steps : float array, shape (k,)
+    A step is the displacement of the frame from an impact until the frame rests or the next impact,
+    whichever is first; NaN if neither has occurred.
     """
     impact = is_impact(events)
     rows = np.flatnonzero(impact)
@@ -121,21 +116,11 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
 
 
 def blow_of(log: Events) -> tuple[NDArray[np.int64], int]:
-    """Return the first row of the blow of each row.
+    """Return the row of the first impact of the blow of each row, and the number of settled rows.
 
-    Parameters
-    ----------
-    log : Events
-        Impacts and ends of chatter only, k rows.
-
-    Returns
-    -------
-    first : int array, shape (k,)
-        The row of the first impact of the blow; -1 for an end of chatter without an impact in the
-        log.
-    settled : int
-        Later events do not affect the rows before this one, at which a chatter sequence starts that
-        may still end in rest.
+    `log` has impacts and ends of chatter only; an end of chatter without an impact in the log has
+    the row -1. Later events do not affect the settled rows: at the row after them a chatter
+    sequence starts that may still end in rest.
     """
     indices = np.arange(len(log))
     ends = log.kind == workspace.ACCUMULATION
@@ -172,12 +157,7 @@ class BlowCounter:
     """Accumulates the number and displacements of blows, chunk by chunk of impacts.
 
     The accumulator keeps the rows of one chatter sequence, which may still end in rest.
-
-    Attributes
-    ----------
-    count : int
-    displacements : Moments
-        Moments of the displacements of blows whose last step has ended.
+    Displacements are of blows whose last step has ended.
     """
 
     def __init__(self) -> None:
@@ -186,16 +166,9 @@ class BlowCounter:
         self._held: tuple[Events, Floats, NDArray[np.bool_]] | None = None
 
     def add(self, log: Events, steps: Floats, inside: NDArray[np.bool_], *, last: bool) -> None:
-        """Process the next rows.
+        """Process the next rows, results of `contacts`; `last` tells that none follow.
 
-        Parameters
-        ----------
-        log, steps : Events, float array
-            Results of `contacts`.
-        inside : bool array
-            Whether a blow that starts with the row counts.
-        last : bool
-            Whether these are the last rows.
+        A blow that starts with a row counts if the row is `inside`.
         """
         if self._held is not None:
             events, before, within = self._held
@@ -213,26 +186,14 @@ class BlowCounter:
 
 @dataclass(frozen=True)
 class BlowTable:
-    """The blows among events, one per row.
+    """The blows among events, one per row."""
 
-    Attributes
-    ----------
-    first : Events
-        Their first impacts.
-    impacts : int array
-    rests : bool array
-        Whether they end in rest on the stopper.
-    displacement : float array
-        Displacement of the frame until it rests or the next blow; NaN if neither has occurred.
-    energy : float array
-        Kinetic energy lost.
-    """
-
-    first: Events
+    first: Events  # their first impacts
     impacts: NDArray[np.int64]
-    rests: NDArray[np.bool_]
+    rests: NDArray[np.bool_]  # whether they end in rest on the stopper
+    # Of the frame, until it rests or the next blow; NaN if neither has occurred.
     displacement: Floats
-    energy: Floats
+    energy: Floats  # kinetic energy lost
 
 
 def each_blow(events: Events, actuator: ActuatorParameters) -> BlowTable:
@@ -267,14 +228,8 @@ class RestDetector:
     """Distinguishes bounces off compliant stoppers from rest on them, chunk by chunk of events.
 
     A bounce lasts up to two of its `contact_time`; a longer contact is rest. The event at its end
-    is marked like the end of a chatter sequence on a rigid stopper.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        In the units of the numerics.
-    period : float
-        Forcing period.
+    is marked like the end of a chatter sequence on a rigid stopper. Actuator and forcing period are
+    in the units of the numerics.
     """
 
     def __init__(self, actuator: ActuatorParameters, period: float) -> None:
@@ -307,17 +262,7 @@ def contact_time(actuator: ActuatorParameters, speed: Floats) -> Floats:
 
     For a frame at rest, without damping and other forces, it is the quadrature of the energy,
     m2 s'^2/2 + K s^(n+1)/(n+1) = m2 speed^2/2 at the depth s (Johnson, Contact Mechanics, 1985,
-    Section 11.4).
-
-    Parameters
-    ----------
-    actuator : Actuator
-        With a `CompliantStopper`.
-    speed : float array
-
-    Returns
-    -------
-    float array
+    Section 11.4). The actuator has a `CompliantStopper`.
     """
     (stopper,) = (dict(term) for term in actuator.terms if term.replaced_rule == "stopper")
     power = stopper["exponent"] + 1.0

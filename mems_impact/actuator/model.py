@@ -31,25 +31,13 @@ HIDDEN = 2  # numbers between those of terms and drive (see `hidden_parameters`)
 
 @dataclass(frozen=True)
 class ArrayLayout:
-    """Layout of the arrays of parameters and states.
-
-    Attributes
-    ----------
-    states : tuple of str
-    terms : tuple of ParameterIndices
-        Indices of each term that is not at an electrode.
-    electrodes : tuple of tuple of ParameterIndices
-        Indices of each term at each electrode.
-    hidden, drive : int
-        First indices in ``p`` of what `mems_impact.hybrid.definition` keeps there, and of the
-        numbers of the drive.
-    """
+    """Layout of the arrays of parameters and states."""
 
     states: tuple[str, ...]
-    terms: tuple[ParameterIndices, ...]
-    electrodes: tuple[tuple[ParameterIndices, ...], ...]
-    hidden: int
-    drive: int
+    terms: tuple[ParameterIndices, ...]  # of each term that is not at an electrode
+    electrodes: tuple[tuple[ParameterIndices, ...], ...]  # of each term at each electrode
+    hidden: int  # first index in ``p`` of what `mems_impact.hybrid.definition` keeps there
+    drive: int  # first index in ``p`` of the numbers of the drive
 
 
 def layout(kinds: Sequence[TermKind], electrodes: int) -> ArrayLayout:
@@ -80,78 +68,35 @@ def layout(kinds: Sequence[TermKind], electrodes: int) -> ArrayLayout:
 class Model:
     """An actuator with terms, as functions for numba; see `mems_impact.actuator.terms.base`.
 
-    Attributes
-    ----------
-    layout : ArrayLayout
-    contributions : tuple of TermContribution
-        In the order of the terms.
-    electrodes : tuple of Electrode
-        The right electrode, and the left one if present.
-    pull : callable
-        ``pull(v, w, y, p)``, the force of the electrodes, positive to the right, for the voltages v
-        of the right and w of the left one.
-    force, on_frame, on_block : callable
-        ``force(y, p)`` of the terms.
-    normal_force : callable
-        ``normal_force(v, w, u, p)`` between frame and ground, for the voltages v, w and u of the
-        right electrode, of the left one and of a clamp.
-    clamp_driven : bool
-        Whether the normal force depends on these voltages.
-    friction : callable
-        ``friction(speed, p)``, the coefficient of a slip.
-    sliding_friction : callable
-        ``sliding_friction(direction, v1, normal, p)`` at a normal force.
-    restitution : callable
-        ``restitution(speed, p)``
-    adhesion : callable or None
-        ``adhesion(p)``; None without adhesion.
-    stopper : callable or None
-        ``stopper(depth, rate, p)``; None for rigid stoppers.
-    rates : tuple of callable
-        ``rate(v, w, y, p)``, the derivative of each state of the terms, without limits.
-    limits : tuple of LimitedState
-        States at electrodes whose rates are limited.
-    sticks : bool
-    cyclic : tuple of int
-        Indices of the states that no function reads.
+    v, w and u are the voltages of the right electrode, of the left one and of a clamp.
     """
 
     layout: ArrayLayout
-    contributions: tuple[TermContribution, ...]
-    electrodes: tuple[Electrode, ...]
-    pull: Function
-    force: Function
+    contributions: tuple[TermContribution, ...]  # in the order of the terms
+    electrodes: tuple[Electrode, ...]  # the right electrode, and the left one if present
+    pull: Function  # ``(v, w, y, p)``, the force of the electrodes, positive to the right
+    force: Function  # ``(y, p)`` of the terms, as the next two
     on_frame: Function
     on_block: Function
-    normal_force: Function
-    clamp_driven: bool
-    friction: Function
-    sliding_friction: Function
-    restitution: Function
-    adhesion: Function | None
-    stopper: Function | None
-    rates: tuple[Function, ...]
-    limits: tuple[LimitedState, ...]
+    normal_force: Function  # ``(v, w, u, p)``, between frame and ground
+    clamp_driven: bool  # whether the normal force depends on v, w or u
+    friction: Function  # ``(speed, p)``, the coefficient of a slip
+    sliding_friction: Function  # ``(direction, v1, normal, p)``, at a normal force
+    restitution: Function  # ``(speed, p)``
+    adhesion: Function | None  # ``(p)``
+    stopper: Function | None  # ``(depth, rate, p)``; None for rigid stoppers
+    rates: tuple[Function, ...]  # ``(v, w, y, p)``, of each state of the terms, without limits
+    limits: tuple[LimitedState, ...]  # states at electrodes whose rates are limited
     sticks: bool
-    cyclic: tuple[int, ...]
+    cyclic: tuple[int, ...]  # indices of the states that no function reads
 
 
 class LimitedState(NamedTuple):
-    """A state at an electrode with a limited rate.
+    """A state at an electrode with a limited rate."""
 
-    Attributes
-    ----------
-    state : int
-        Index of the state.
-    side : str
-        "" for the right electrode, "left " for the left one.
-    limit : RateBound
-        With ``rate(v, w, y, p)``.
-    """
-
-    state: int
-    side: str
-    limit: RateBound
+    state: int  # its index
+    side: str  # "" for the right electrode, "left " for the left one
+    limit: RateBound  # with ``rate(v, w, y, p)``
 
 
 @cache

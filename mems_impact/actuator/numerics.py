@@ -260,10 +260,7 @@ class ActuatorNumerics(HybridSystem, Generic[A]):
     def problem(self, options: Options) -> Problem:
         """Return the problem for the event loop, dimensionless.
 
-        Raises
-        ------
-        InvalidParameter
-            If the tolerances do not resolve a term.
+        Raises InvalidParameter if the tolerances do not resolve a term.
         """
         if self._kinds:
             electrode = compose(self._kinds, 1).electrodes[0]

@@ -118,10 +118,7 @@ class _Kind(ModelMetaclass):
 class Checked(BaseModel, metaclass=_Kind):
     """Base of parameter objects: immutable, keyword-only, every value checked.
 
-    Raises
-    ------
-    InvalidParameter
-        If a value is not allowed, or a parameter is missing or unknown.
+    Raises InvalidParameter if a value is not allowed, or a parameter is missing or unknown.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)

@@ -260,10 +260,7 @@ PARAMETER_NAMES: tuple[str, ...] = tuple(
 def parameter_named(name: str, field: str = "") -> str:
     """Return the parameter that a data sheet calls so: k for "stiffness"; others unchanged.
 
-    Raises
-    ------
-    InvalidParameter
-        If the quantity is derived from several parameters.
+    Raises InvalidParameter if the quantity is derived from several parameters.
     """
     entry = QUANTITIES.get(name)
     if entry is None or name in PARAMETER_NAMES:
@@ -328,9 +325,6 @@ PARAMETERS_OF_DATA_SHEETS = [each for each in QUANTITIES.items() if each[1].para
 def numbers_for(actuator: ActuatorParameters, field: str, values: Any, unit: str) -> Any:
     """Return arguments in the units of a device, with texts such as "70 V" as numbers.
 
-    Raises
-    ------
-    InvalidParameter
-        If a text has a unit of another kind, or the device is dimensionless.
+    Raises InvalidParameter if a text has a unit of another kind, or the device is dimensionless.
     """
     return quantities(field, values, unit if actuator.units == "SI" else None, "device")

@@ -58,26 +58,14 @@ Block = str | Picture | Listing
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ReportSection(SummaryRepr):
-    """A section of a report.
-
-    Attributes
-    ----------
-    title : str
-    problem : str
-        Why the section could not be computed; empty if it could.
-    blocks : tuple
-        Paragraphs, figures and tables.
-    facts : dict of str to str
-        The main results, for the head of the page.
-    notes : tuple of str
-        Warnings of the computation.
-    """
+    """A section of a report."""
 
     title: str
-    problem: str = ""
-    blocks: tuple[Block, ...] = field(default=(), repr=False)
+    problem: str = ""  # why the section could not be computed; empty if it could
+    blocks: tuple[Block, ...] = field(default=(), repr=False)  # paragraphs, figures and tables
+    # The main results, for the head of the page.
     facts: Mapping[str, str] = field(default_factory=dict, repr=False)
-    notes: tuple[str, ...] = field(default=(), repr=False)
+    notes: tuple[str, ...] = field(default=(), repr=False)  # warnings of the computation
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -160,8 +148,6 @@ LEAST_SIZE = 1e-15  # of a number with a prefix: smaller prefixes are little kno
 def amount(value: float, unit: str = "") -> str:
     """Return a number with four digits and its unit with a prefix: "20.1 nm".
 
-    Examples
-    --------
     >>> amount(2.013e-8, "m"), amount(31.567, "V"), amount(3.2e-6, "kg"), amount(2e-8, "m^2")
     ('20.13 nm', '31.57 V', '3.2 mg', '0.02 mm²')
     """

@@ -60,19 +60,10 @@ __all__ = [
 def impacts(
     rows: Events, steps: Floats, energy: Floats, period: float, labels: Labels
 ) -> pd.DataFrame:
-    """Return one row per impact.
+    """Return one row per impact, from events that are impacts.
 
-    Parameters
-    ----------
-    rows : Events
-        Impacts only.
-    steps : float array
-        Displacement of the frame from each impact until the frame rests or the next impact comes.
-    energy : float array
-        Kinetic energy lost in each.
-    period : float
-        Forcing period.
-    labels : Labels
+    A step is the displacement of the frame from an impact until the frame rests or the next impact
+    comes; `energy` is the kinetic energy lost in each, `period` the forcing period.
     """
     columns = {
         **time_columns(rows.cycle, rows.time, period, labels),
@@ -99,23 +90,10 @@ def blows(
     period: float,
     labels: Labels,
 ) -> pd.DataFrame:
-    """Return one row per blow.
+    """Return one row per blow, from their first impacts.
 
-    Parameters
-    ----------
-    first : Events
-        The first impact of each blow.
-    impacts : int array
-        Number of impacts of each blow.
-    rests : bool array
-        Whether it ends in rest on the stopper.
-    displacement : float array
-        Displacement of the frame by each blow.
-    energy : float array
-        Kinetic energy lost in each.
-    period : float
-        Forcing period.
-    labels : Labels
+    Each blow has a number of `impacts`, ends in rest on the stopper or not, displaces the frame and
+    loses kinetic energy; `period` is the forcing period.
     """
     columns = {
         **time_columns(first.cycle, first.time, period, labels),

@@ -26,13 +26,7 @@ def coefficients(x: tuple[float, ...], y: tuple[float, ...]) -> tuple[float, ...
     is the interpolant of degree 5 (3 with fewer than six points) whose first four derivatives are
     continuous. Where it is not monotone although the table is, slopes and second derivatives at the
     adjacent points are replaced by a limited slope and zero: only two derivatives are continuous
-    there.
-
-    Parameters
-    ----------
-    x : tuple of float
-        Ascending, `MIN_POINTS` or more.
-    y : tuple of float
+    there. `x` is ascending, of `MIN_POINTS` or more.
     """
     from scipy.interpolate import make_interp_spline
 
@@ -102,26 +96,18 @@ class TableSpline(NamedTuple):
     Beyond the table it is continued by its Taylor polynomial of third order over an eighth of the
     table, and then by a tangent: a step that ends at a stopper has trial points beyond it, and
     differences of derivatives too.
-
-    Attributes
-    ----------
-    value, slope, integral : callable
-        The spline, its derivative, and its integral from the first point.
     """
 
     value: Function
     slope: Function
-    integral: Function
+    integral: Function  # from the first point
 
 
 def spline_functions(points: int, polynomials: int, count: int) -> TableSpline:
     """Return the spline through a table of `count` points.
 
-    Parameters
-    ----------
-    points, polynomials : int
-        First indices in ``p`` of the points and of their `coefficients`.
-    count : int
+    `points` and `polynomials` are the first indices in ``p`` of the points and their
+    `coefficients`.
     """
     last = count - 1
 

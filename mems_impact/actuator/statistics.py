@@ -113,91 +113,52 @@ class Statistics:
     """Statistics of a run over a window.
 
     Undefined values are NaN: speeds and displacements per impact or blow without any, and the
-    closest approach with impacts.
-
-    Attributes
-    ----------
-    window_first, window_last : float
-        The window, in forcing periods; half-open: an event at its end is outside.
-    periods : float
-        Its length.
-    impacts : int
-        Number of impacts; each bounce is one.
-    impacts_per_period : float
-    blows : int
-        Number of blows that start in the window: a chatter sequence on one stopper that ends in
-        sticking contact is one blow; any other impact is a blow of its own, also in a sequence that
-        the end of the run truncates.
-    blows_per_period : float
-    displacement_per_period : float
-        Displacement of the frame over the window, divided by its length.
-    displacement_per_impact : float
-        The same divided by the number of impacts.
-    displacement_per_impact_std : float
-        Population standard deviation of the steps of the frame (see `frame_steps`) after the
-        impacts of the window, without a step that has not ended.
-    displacement_per_blow : float
-        Displacement of the frame over the window, divided by the number of blows.
-    displacement_per_blow_std : float
-        Population standard deviation of the displacements of the blows, each the sum of the steps
-        after its impacts, without a blow whose last step has not ended.
-    mean_speed : float
-        Displacement of the frame over the window, divided by its duration.
-    impact_speed_min, impact_speed_mean, impact_speed_max : float
-        Statistics of abs(v2) before the impacts.
-    share_slipping, share_resting : float
-        Fractions of time in which the frame slips, and in which the block rests on a stopper, or is
-        in contact with a compliant one.
-    closest_approach : float
-        Smallest distance from a stopper at a turning point, in a window without impacts; 0 with
-        rest contact.
-    chatter_sequences : int
-        Number of chatter sequences that ended in sticking contact. On compliant stoppers, number of
-        contacts longer than a bounce (see `RestDetector`), counted at their ends.
-    energy_lost_per_period : float
-        Energy lost in impacts, including chatter, and in contacts with compliant stoppers; friction
-        and damping are not counted. `energy` computes the whole balance.
+    closest approach with impacts. A blow is a chatter sequence on one stopper that ends in sticking
+    contact; any other impact is a blow of its own, also in a sequence that the end of the run
+    truncates. Standard deviations are of the population.
     """
 
+    # In forcing periods, as the next two; the window is half-open: an event at its end is outside.
     window_first: float
     window_last: float
-    periods: float
-    impacts: int
+    periods: float  # length of the window
+    impacts: int  # each bounce is one
     impacts_per_period: float
-    blows: int
+    blows: int  # that start in the window
     blows_per_period: float
-    displacement_per_period: float
-    displacement_per_impact: float
+    displacement_per_period: float  # of the frame over the window, by its length
+    displacement_per_impact: float  # the same by the number of impacts
+    # Of the steps of the frame (see `frame_steps`) after the impacts of the window, without a step
+    # that has not ended.
     displacement_per_impact_std: float
-    displacement_per_blow: float
+    displacement_per_blow: float  # the same by the number of blows
+    # Of the sums of the steps after the impacts of each blow, without a blow whose last step has
+    # not ended.
     displacement_per_blow_std: float
-    mean_speed: float
-    impact_speed_min: float
+    mean_speed: float  # displacement of the frame over the window, by its duration
+    impact_speed_min: float  # of abs(v2) before the impacts, as the next two
     impact_speed_mean: float
     impact_speed_max: float
-    share_slipping: float
+    share_slipping: float  # fraction of time in which the frame slips
+    # Fraction of time in which the block rests on a stopper, or is in contact with a compliant one.
     share_resting: float
+    # Smallest distance from a stopper at a turning point, in a window without impacts; 0 with rest
+    # contact.
     closest_approach: float
+    # That ended in sticking contact. On compliant stoppers, the number of contacts longer than a
+    # bounce (see `RestDetector`), counted at their ends.
     chatter_sequences: int
+    # In impacts, including chatter, and in contacts with compliant stoppers; friction and damping
+    # are not counted. `energy` computes the whole balance.
     energy_lost_per_period: float
 
 
 class Accumulator(StatisticsAccumulator):
     """Accumulator of the statistics of one run, called with every chunk of its events.
 
-    Its memory and cost per period are independent of the length of the run.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        The actuator in scaled units.
-    start : HybridState
-        Initial state of the run.
-    window : TimeWindow
-    modes : int, optional
-        Number of modes; a multiple of the number for an actuator without terms.
-    sums : mapping of str to tuple of int, optional
-        Integrals with a statistic per period: the states whose sum each is.
+    Its memory and cost per period are independent of the length of the run. The actuator is in
+    scaled units; `modes` is a multiple of the number for an actuator without terms. `sums` names
+    integrals with a statistic per period: the states whose sum each is.
     """
 
     def __init__(
@@ -236,11 +197,7 @@ class Accumulator(StatisticsAccumulator):
     def result(self, final: HybridState, borders: Sequence[Floats]) -> dict[str, float]:
         """Return the statistics of a run that ended at `final`, by name.
 
-        Parameters
-        ----------
-        final : HybridState
-        borders : sequence of two float array
-            The states at the start and end of the window.
+        `borders` has the states at the start and end of the window.
         """
         measured = self.measured(final, borders)
         change = borders[1] - borders[0]
@@ -301,14 +258,9 @@ def standstill_period(trajectory: Trajectory, actuator: ActuatorParameters) -> f
     """Return the number of periods of a run until standstill; None without it.
 
     At standstill the states at the starts of 12 successive periods equal the states 12 periods
-    earlier, within 1e-6 of delta, and of delta times the natural frequency. The block is included,
-    since a growing oscillation may still move the frame.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-    actuator : Actuator
-        The actuator in scaled units.
+    earlier, within 1e-6 of delta, and of delta times the natural frequency; states of terms, within
+    1e-6 of their largest value. The block is included, since a growing oscillation may still move
+    the frame. The actuator is in scaled units.
     """
     grid = trajectory.samples(per_period=1)
     near = np.array([1.0, (actuator.k / actuator.m2) ** 0.5] * 2) * STILL_RTOL * actuator.delta
@@ -393,13 +345,8 @@ class NamedState:
 class ActuatorStatistics(SystemStatistics):
     """The statistics of an actuator under a drive, with the definitions of `Statistics`.
 
-    Parameters
-    ----------
-    system : ActuatorSystem
-    given : tuple of Observable, optional
-        The energy input of the drive.
-    sums : mapping of str to tuple of int, optional
-        Integrals of runs, per period: the states whose sum each is.
+    `given` has the energy input of the drive; `sums` names integrals of runs, per period: the
+    states whose sum each is.
     """
 
     _system: Any

@@ -77,19 +77,9 @@ CONTACT_LOSS = Observable("energy lost", _contact_loss, unit="J")  # of complian
 class ActuatorSystem(ActuatorNumerics[A]):
     """An actuator under a drive, with all their numbers as parameters.
 
-    Parameters
-    ----------
-    actuator : Actuator
-    drive : Drive
-    scales : Scales, optional
-        Units of the scaled variables, which remain when parameters vary; by default those of the
-        actuator.
-
-    Raises
-    ------
-    InvalidParameter
-        If `actuator` is not an actuator, or `drive` is not a drive or is not representable in
-        floating point.
+    `scales` are the units of the scaled variables, which remain when parameters vary; by default
+    those of the actuator. Raises InvalidParameter if `actuator` is not an actuator, or `drive` is
+    not a drive, does not fit the actuator or is not representable in floating point.
     """
 
     _run_type = ActuatorRun

@@ -117,30 +117,17 @@ STUDY_REQUEST = CodeRequest(
 
 @dataclass(frozen=True, kw_only=True)
 class StudyFile:
-    """A study defined by a file.
-
-    Attributes
-    ----------
-    path : str
-    kind : str
-        Kind of the study, such as ``"map"``.
-    system : System
-    arguments : dict
-        Arguments of the verb that runs it, by name.
-    """
+    """A study defined by a file."""
 
     path: str
-    kind: str
+    kind: str  # of the study, such as ``"map"``
     system: HybridSystem = field(repr=False)
-    arguments: dict[str, Any] = field(repr=False)
+    arguments: dict[str, Any] = field(repr=False)  # of the verb that runs it, by name
 
     def run(self, **changes: Any) -> Any:
         """Run the study and return the result of its function, such as an `OperatingMap`.
 
-        Parameters
-        ----------
-        **changes
-            Arguments that replace arguments in the file: ``workers=8``.
+        Arguments given here replace arguments in the file: ``workers=8``.
         """
         from mems_impact.studies.engine.config import verb_of
 

@@ -37,35 +37,19 @@ __all__ = [
 
 
 class CodeRequest(NamedTuple):
-    """Context of Python code that a file names.
+    """Context of Python code that a file names."""
 
-    Attributes
-    ----------
-    field : str
-        Name of the entry.
-    description : str
-        Expected code: "Python file with functions …".
-    kind : str
-        Kind of the file: "drive file".
-    reader : str
-        Function that reads the file.
-    """
-
-    field: str
-    description: str
-    kind: str
-    reader: str
+    field: str  # name of the entry
+    description: str  # expected code: "Python file with functions …"
+    kind: str  # of the file: "drive file"
+    reader: str  # function that reads the file
 
 
 def resolve_code_path(source: Any, file: Path, allowed: bool, request: CodeRequest) -> Path:
     """Return the path of the Python file `source` that `file` names, if it may be executed.
 
-    Raises
-    ------
-    InvalidParameter
-        If it is not a Python file.
-    InvalidFile
-        If code is not allowed, or the resolved path lies outside the folder of `file`.
+    Raises InvalidParameter if `source` does not name a Python file, InvalidFile if code is not
+    allowed, or the resolved path does not exist or lies outside the folder of `file`.
     """
     field, description, kind, reader = request
     if not isinstance(source, str) or not source.endswith(".py"):

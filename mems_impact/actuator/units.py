@@ -126,30 +126,14 @@ class _Factors(dict[str, float]):
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceScales(Scales):
-    """The scales of a device, in SI.
+    """The scales of a device, in SI."""
 
-    Parameters
-    ----------
-    mass : float
-        [kg]
-    stiffness : float
-        [N/m]
-    length : float
-        [m]
-    alpha : float
-        [F m]
-    time : float
-        [s]
-    voltage : float
-        [V]
-    """
-
-    mass: float = 1.0
-    stiffness: float = 1.0
-    length: float = 1.0
-    alpha: float = 1.0
-    time: float = 1.0
-    voltage: float = 1.0
+    mass: float = 1.0  # [kg]
+    stiffness: float = 1.0  # [N/m]
+    length: float = 1.0  # [m]
+    alpha: float = 1.0  # [F m]
+    time: float = 1.0  # [s]
+    voltage: float = 1.0  # [V]
 
     def __post_init__(self) -> None:
         speed = self.length / self.time

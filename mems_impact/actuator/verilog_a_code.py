@@ -48,28 +48,7 @@ class PlateCode:
 
 @dataclass(frozen=True, kw_only=True)
 class TermCode:
-    """The contributions of a term to the module, named as in `TermContribution`.
-
-    Attributes
-    ----------
-    force, on_frame, on_block
-        Forces on the block with the reaction on the frame, and external forces.
-    weight_factor : str
-        A factor of the weight in the normal force.
-    clamp : str
-        A force that presses the frame on the ground.
-    adhesion : str
-        The pull-off force.
-    states : tuple of ModuleState
-    functions : tuple of str
-        Further functions.
-    plate : PlateCode
-        An electrode in place of a parallel plate.
-    constants : tuple of pairs
-        Variables that depend on parameters alone.
-    ranges : tuple of pairs
-        Ranges of parameters that depend on others, as `Term.bounds` has them.
-    """
+    """The contributions of a term to the module, named as in `TermContribution`."""
 
     force: str = ""
     on_frame: str = ""
@@ -78,9 +57,10 @@ class TermCode:
     clamp: str = ""
     adhesion: str = ""
     states: tuple[ModuleState, ...] = ()
-    functions: tuple[str, ...] = ()
-    plate: PlateCode | None = None
-    constants: tuple[tuple[str, str], ...] = ()
+    functions: tuple[str, ...] = ()  # further functions
+    plate: PlateCode | None = None  # an electrode in place of a parallel plate
+    constants: tuple[tuple[str, str], ...] = ()  # variables that depend on parameters alone
+    # Ranges of parameters that depend on others, as `Term.bounds` has them.
     ranges: tuple[tuple[str, str], ...] = ()
 
 

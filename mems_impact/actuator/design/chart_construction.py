@@ -84,15 +84,8 @@ class _Place:
 class ChartBuilder:
     """Computes the parts of a chart, in scaled units.
 
-    Parameters
-    ----------
-    system : ActuatorSystem
-    options : Options
-    steps : StepControl
-    report : callable
-        Called with a line of text for every part.
-    omega : tuple of float
-        The range of the chart, of omega or frequency, scaled.
+    `report` is called with a line of text for every part; `omega` is the range of the chart, of
+    omega or frequency.
     """
 
     def __init__(

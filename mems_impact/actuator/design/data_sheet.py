@@ -63,14 +63,7 @@ class Relation(ABC):
 
 
 class PowerLaw(Relation):
-    """A product of powers that is constant.
-
-    Parameters
-    ----------
-    constant : float
-    **powers : float
-        Exponents by quantity.
-    """
+    """A product of powers that is constant, with the exponents `powers` by quantity."""
 
     def __init__(self, constant: float, **powers: float) -> None:
         self.constant, self.powers, self.names = constant, powers, tuple(powers)
@@ -137,14 +130,8 @@ class MassShare(Relation):
 class HoldingVoltage(Relation):
     """The voltage that balances the spring at the stopper, or at a part of the gap before it.
 
-    v^2 = k x (d - x)^2 / alpha, without terms.
-
-    Parameters
-    ----------
-    voltage : str
-        Name of the voltage.
-    limit : float
-        Largest x, relative to the gap.
+    v^2 = k x (d - x)^2 / alpha, without terms. `voltage` is its name, `limit` the largest x
+    relative to the gap.
     """
 
     def __init__(self, voltage: str, limit: float) -> None:
@@ -360,10 +347,7 @@ def _by_quantities(error: InvalidParameter) -> InvalidParameter:
 def _propagated(given: Mapping[str, float], relations: Sequence[Relation]) -> dict[str, float]:
     """Return all quantities that the given quantities determine.
 
-    Raises
-    ------
-    InvalidParameter
-        If two quantities contradict each other.
+    Raises InvalidParameter if quantities contradict each other, or give one that is negative.
     """
     known = dict(given)
     sources: dict[str, tuple[str, ...]] = {name: (name,) for name in given}

@@ -39,23 +39,13 @@ __all__ = ["Energy", "WorkSums", "accounted_problem", "arcs_of_orbit", "arcs_of_
 
 
 class EnergyArc(NamedTuple):
-    """A segment of the motion within one mode.
-
-    Attributes
-    ----------
-    begin : HybridState
-    length : float
-        Its duration.
-    v2 : tuple of float
-        Speed of the block before and after the event at its end; equal unless it is an impact.
-    row : int
-        Row in the event log of the event at the end of the arc, -1 without an event.
-    """
+    """A segment of the motion within one mode."""
 
     begin: HybridState
-    length: float
+    length: float  # its duration
+    # Speed of the block before and after the event at its end; equal unless it is an impact.
     v2: tuple[float, float]
-    row: int
+    row: int  # in the event log, of the event at its end; -1 without one
 
 
 def arcs_of_run(run: Any, log: Events, first: float) -> Iterator[EnergyArc]:
@@ -127,29 +117,14 @@ MIN_STRETCH_PERIODS = 1e-12  # of a period: shorter segments are not cut
 
 @dataclass(frozen=True, kw_only=True)
 class WorkSums:
-    """Losses and stored energies at the start and end of arcs; in scaled units.
+    """Losses and stored energies at the start and end of arcs; in scaled units."""
 
-    Attributes
-    ----------
-    columns : tuple of str
-        Columns of `sums`: "lost ..." and "stored ...".
-    instants : float array, shape (k,)
-        Instants in forcing periods, ascending; twice at an impact.
-    work : float array, shape (k,)
-        Work of the electrodes on the block since the beginning.
-    slip : float array, shape (k,)
-        Total slip path of the frame since the beginning.
-    sums : float array, shape (k, columns)
-        Losses since the beginning, and energies stored.
-    marks : mapping of str to int array
-        Rows at which a period ("period") or a blow ("blow") begins.
-    """
-
-    columns: tuple[str, ...]
-    instants: Floats
-    work: Floats
-    slip: Floats
-    sums: Floats
+    columns: tuple[str, ...]  # of `sums`: "lost ..." and "stored ..."
+    instants: Floats  # in forcing periods, ascending, shape (k,); twice at an impact
+    work: Floats  # of the electrodes on the block since the beginning, shape (k,)
+    slip: Floats  # total slip path of the frame since the beginning, shape (k,)
+    sums: Floats  # losses since the beginning, and energies stored, shape (k, columns)
+    # Rows at which a period ("period") or a blow ("blow") begins.
     marks: Mapping[str, NDArray[np.int64]]
 
 
@@ -219,16 +194,8 @@ def summed(
 ) -> WorkSums:
     """Integrate arcs from their initial states, and record work and losses at their ends.
 
-    Parameters
-    ----------
-    system : ActuatorNumerics
-    options : Options
-        Options of the integration.
-    arcs : iterator of EnergyArc
-    window : tuple of float
-        First and last forcing period of the balance.
-    blows : set of int
-        Rows of the event log at which blows begin.
+    `window` has the first and last forcing period of the balance, `blows` the rows of the event log
+    at which blows begin.
     """
     low, high = window
     problem = accounted_problem(system, options)

@@ -207,14 +207,8 @@ def lasts_until(
 def end_of(branch: Branch, stop: float) -> tuple[float, str]:
     """Return where the stable orbit at the start of a branch ends, and the kind of this end.
 
-    Events of the frame, such as the end of a slip that coincides with an impact, may leave it
-    stable.
-
-    Parameters
-    ----------
-    branch : Branch
-    stop : float
-        Bound of the branch: the kind of an end there is "bound".
+    The kind at the bound `stop` of the branch is "bound". Events of the frame, such as the end of a
+    slip that coincides with an impact, may leave the orbit stable.
     """
     values = [orbit.system.parameters[branch.parameter] for orbit in branch.orbits]
     sign = math.copysign(1.0, stop - values[0])

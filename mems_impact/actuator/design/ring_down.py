@@ -213,23 +213,11 @@ def slow_decay(
 ) -> tuple[Floats, Floats, float]:
     """Return times and amplitudes of a decay over very many cycles, and the number of cycles.
 
-    The decrement is a smooth function of the amplitude. It is measured in short runs at some
-    amplitudes; number of cycles and time are integrals over the logarithm of the amplitude.
-
-    Parameters
-    ----------
-    system : ActuatorSystem
-    run : Run
-        A run at whose end the block oscillates freely.
-    first, amplitude : float
-        Time and amplitude of the first measured cycle.
-    share : float
-    options : Options
-
-    Raises
-    ------
-    InvalidParameter
-        If the oscillation does not decay.
+    The block oscillates freely at the end of `run`; `first` and `amplitude` are time and amplitude
+    of the first measured cycle, `share` is the last amplitude relative to the first. The decrement
+    is a smooth function of the amplitude. It is measured in short runs at some amplitudes; number
+    of cycles and time are integrals over the logarithm of the amplitude. Raises InvalidParameter if
+    the oscillation does not decay.
     """
     log = run.trajectory.events
     extrema = np.flatnonzero((log.kind == workspace.APPROACH) & (log.guard == 0))

@@ -297,10 +297,7 @@ class Landing:
     def search(self, iterations: int) -> tuple[Floats, str]:
         """Return the best point, and why the search ended there.
 
-        Raises
-        ------
-        InvalidParameter
-            If the contact closes at no point of the grid.
+        Raises InvalidParameter if the contact closes at no point of the grid.
         """
         n = len(self.over)
         count = max(2, int(GRID_POINTS ** (1.0 / n)))

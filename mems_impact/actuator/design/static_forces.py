@@ -35,12 +35,7 @@ class StaticForces:
 
     Terms in series with an electrode transmit such a voltage and are omitted. The state of an
     electrode, such as trapped charge, is 0, as at the start of a run; other states of terms are at
-    their equilibrium.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        In any units; attributes and results are dimensionless.
+    their equilibrium. The actuator has any units; attributes and results are dimensionless.
     """
 
     def __init__(self, actuator: ActuatorParameters) -> None:
@@ -72,11 +67,8 @@ class StaticForces:
         """Return the pull-in voltage for a slowly rising voltage.
 
         Above it there is no equilibrium between the position without voltage and the stopper.
-
-        Raises
-        ------
-        InvalidParameter
-            If the force of the electrode does not depend on the position, as for a comb.
+        Raises InvalidParameter if the force of the electrode does not depend on the position, as
+        for a comb.
         """
         delta = self.actuator.delta
         positions = np.linspace(self._start, delta, FORCE_CURVE_POINTS)
@@ -195,10 +187,8 @@ class StaticForces:
     def after_impact(self, speed: float) -> Floats:
         """Return the state just after the block strikes a frame at rest on the right with `speed`.
 
-        Raises
-        ------
-        InvalidParameter
-            If the terms have no such impact, or forces that the speed does not determine.
+        Raises InvalidParameter if the terms have no such impact, or forces that the speed does not
+        determine.
         """
         self._check_impact()
         e = self.model.restitution(speed, self.p)

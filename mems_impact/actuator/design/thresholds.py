@@ -76,42 +76,20 @@ def locate_crisis(
     """Locate by simulation the amplitude at which an attractor with impacts ceases to exist.
 
     The amplitude is lowered in increasing steps, each from states of the previous attractor, until
-    the impacts cease from all of them; the last step is then bisected.
+    the impacts cease from all of them; the last step is then bisected. The result is the smallest
+    amplitude at which the attractor was found.
 
-    Parameters
-    ----------
-    actuator : Actuator
-    drive : Drive
-        Its amplitude is ignored.
-    amplitude : float
-        An amplitude at which there is such an attractor, such as the on-boundary.
-    begin : float, optional
-        First amplitude of the search; `amplitude` by default. Just beyond a fold a run lingers
-        where the orbit has vanished, so a slightly larger amplitude is better.
-    width : float, optional
-        Range of the search, `amplitude` itself by default.
-    start : State, optional
-        Initial state of the search; a kick by default.
-    tolerance : float, optional
-        Width of the last step, as a part of `amplitude`.
-    periods : int, optional
-        Forcing periods for which the attractor must persist. Just below the crisis a transient may
-        last as long, so that the result is slightly low; it rises with `periods`.
-    options : Options, optional
-    watch : callable, optional
-        Called several times a second with the completed periods of the current run; an exception
-        that it raises ends the search.
+    There is such an attractor at `amplitude`, such as the on-boundary. The search begins from
+    `start` (a kick by default) at the amplitude `begin`: just beyond a fold a run lingers where the
+    orbit has vanished, so `begin` slightly above `amplitude` is better. It covers the range
+    `width`, by default down to zero; `tolerance` is the width of its last step, as a part of
+    `amplitude`. The attractor must persist for `periods` forcing periods. Just below the crisis a
+    transient may last as long, so that the result is slightly low; it rises with `periods`. `watch`
+    is called several times a second with the completed periods of the current run; an exception
+    that it raises ends the search.
 
-    Returns
-    -------
-    float
-        The smallest amplitude at which the attractor was found.
-
-    Raises
-    ------
-    OrbitError
-        If the motion from `start` ends without impacts at `begin`, or the attractor is still there
-        `width` lower.
+    Raises OrbitError if the motion from `start` ends without impacts at `begin`, or the attractor
+    is still there `width` lower.
     """
 
     def attractor(amplitude: float, starts: list[State]) -> list[State]:
@@ -176,30 +154,10 @@ def onset(
 ) -> tuple[float, str, SpecialPoint | None, State]:
     """Return the amplitude above `lowest` at which impacts begin with rising amplitude.
 
-    Parameters
-    ----------
-    system : ActuatorSystem
-        The system at one frequency.
-    lowest, highest : float
-        Smallest and largest amplitude of the search.
-    watch : callable or None
-        Called by runs; an exception that it raises ends the search.
-
-    Returns
-    -------
-    amplitude : float
-    kind : str
-        The end of the orbit without impacts: "grazing", "fold", …; "jump" if unknown (from rest, or
-        without such an orbit).
-    special : SpecialPoint or None
-        The grazing or fold.
-    state : State
-        Of the motion with impacts.
-
-    Raises
-    ------
-    OrbitError
-        If it does not strike up to `highest`.
+    The second result is the end of the orbit without impacts: "grazing" or "fold" with its special
+    point, or "jump" without one, if it is unknown (from rest, or without such an orbit). The last
+    result is a state of the motion with impacts. Runs call `watch`; an exception that it raises
+    ends the search. Raises OrbitError if the block does not strike up to `highest`.
     """
 
     def trial(amplitude: float, state: State) -> tuple[bool, float, State]:
@@ -276,18 +234,9 @@ def steady(
 ) -> list[tuple[str, float, str, SpecialPoint | None]]:
     """Return the ends of the window of a period-1 orbit with impacts: boundary, amplitude.
 
-    Each with its kind; none without such an orbit, or without an end up to `highest`.
-
-    Parameters
-    ----------
-    system : ActuatorSystem
-        The system at one frequency.
-    on, highest : float
-        Smallest and largest amplitude of the search.
-    state : State
-        Of the motion with impacts.
-    watch : callable or None
-        As for `onset`.
+    Each with its kind and special point; none without such an orbit, or without an end up to
+    `highest`. `state` is of the motion with impacts, which begins at the amplitude `on`; `watch` as
+    for `onset`.
     """
     amplitude, orbit = on * (1.0 + IMPACT_OFFSET_RATIO), None
     while orbit is None and amplitude < highest:

@@ -188,16 +188,8 @@ def _positive(field: str, value: Any, unit: str, si: bool) -> float:
 def mean_normal_force(system: ActuatorNumerics, friction_loss: float, slip: float) -> float:
     """Return the normal force during slips, of a driven clamp the mean over the slip path.
 
-    Parameters
-    ----------
-    system : ActuatorNumerics
-    friction_loss, slip : float
-        Heat of friction and slip path over the same time.
-
-    Raises
-    ------
-    InvalidParameter
-        If the device does not tell its normal force.
+    `friction_loss` and `slip` are heat of friction and slip path over the same time. Raises
+    InvalidParameter if the device does not tell its normal force.
     """
     forces, scales = system.normal_forces(), system.units.scales
     name, force, friction = "normal_force", float(scales.out(forces[0], "N")), system.actuator.mu_s

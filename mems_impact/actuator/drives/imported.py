@@ -37,19 +37,11 @@ def _left_rate(t: float, q: NDArray[np.float64]) -> float:
 
 
 class ImportedVoltage(Drive):
-    """A voltage at the right electrode that the importer of a model sets at any time.
+    """Voltages at the electrodes that the importer of a model sets at any time."""
 
-    Parameters
-    ----------
-    level : float
-        Initial voltage [V].
-    period : float
-        A time that resolves it [s].
-    """
-
-    level: Number
-    period: Positive
-    left_level: Number = 0.0
+    level: Number  # initial voltage at the right electrode [V]
+    period: Positive  # a time that resolves the voltage [s]
+    left_level: Number = 0.0  # voltage at the left electrode [V]
 
     units = {"level": "V", "left_level": "V", "period": "s"}  # noqa: RUF012 - ClassVar in Drive
 

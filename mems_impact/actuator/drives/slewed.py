@@ -44,18 +44,10 @@ class OutputPiece(NamedTuple):
 
 
 class SlewedDrive(Drive):
-    """The periodic output of a source with a slew rate.
+    """The periodic output of a source with a slew rate."""
 
-    Parameters
-    ----------
-    wave : Drive
-        The demanded voltage.
-    rate : float
-        Largest absolute rate of the output [V/s].
-    """
-
-    wave: Drive = Field(description="a drive")
-    rate: Positive
+    wave: Drive = Field(description="a drive")  # the demanded voltage
+    rate: Positive  # largest absolute rate of the output [V/s]
 
     units = {"rate": "V/s"}  # noqa: RUF012 - ClassVar in Drive
 
@@ -170,15 +162,9 @@ def _output(drive: SlewedDrive) -> SlewedOutput:
 class SlewedSide:
     """The output of one side over a forcing period.
 
-    Parameters
-    ----------
-    voltage, rate : callable
-        The demanded voltage and its rate, functions of t and q.
-    wave : Drive
-    limit : float
-        The slew rate.
-    sign : float
-        -1 if the voltage changes its sign from each forcing period to the next, else 1.
+    `voltage` and `rate`, functions of t and q, are the demanded voltage and its derivative; `limit`
+    is the slew rate. `sign` is -1 if the voltage changes its sign from each forcing period to the
+    next, else 1.
     """
 
     def __init__(

@@ -49,11 +49,7 @@ def device_scene(
 ) -> Scene:
     """Return an animation of the device of a run, above the displacement of its frame.
 
-    Parameters
-    ----------
-    run : ActuatorRun
-    first, last, per_period
-        As in `mems_impact.animate`.
+    The range of forcing periods and `per_period` are as in `mems_impact.animate`.
     """
     frames = frames_of(run, first, last, per_period)
     samples, device = frames.frame_samples, run.actuator

@@ -43,19 +43,7 @@ __all__ = ["NODES", "draw_voltages", "plot_orbit", "plot_run"]
 
 @styled
 def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Axes:
-    """Draw v2 over x2 along a periodic orbit, with stoppers, impacts and slips.
-
-    Parameters
-    ----------
-    orbit : ActuatorOrbit
-    ax : matplotlib Axes, optional
-        Axes to draw on; a new figure by default.
-
-    Returns
-    -------
-    Axes
-        ``ax.figure.savefig(…)`` writes the figure.
-    """
+    """Draw v2 over x2 along a periodic orbit, with stoppers, impacts and slips."""
     if ax is None:
         ax = new_figure(1.2).subplots()
     table = orbit.samples(ORBIT_POINTS_PER_PERIOD)
@@ -93,28 +81,11 @@ def plot_run(
     last: float | None = None,
     ax: Any = None,
 ) -> tuple[Axes, Axes]:
-    """Draw x2 and x1 over time, with impacts marked and slips shaded.
+    """Draw x2 and x1 over time, with impacts marked and slips shaded; return the axes of both.
 
-    A third panel shows the voltage at the electrodes if it differs from that of the drive.
-
-    Parameters
-    ----------
-    run : ActuatorRun
-        A run with recorded events.
-    first, last : float, optional
-        Range in forcing periods; the last 6 of the run by default.
-    ax : two or three matplotlib Axes, optional
-        Axes for x2, x1 and the voltage; a new figure by default.
-
-    Returns
-    -------
-    tuple of Axes
-        For x2 and x1; ``axes[0].figure.savefig(…)`` writes the figure.
-
-    Raises
-    ------
-    InvalidParameter
-        If the run has no recorded events, or does not cover these periods.
+    `first` and `last` are in forcing periods, by default the last 6 of the run. The voltage at the
+    electrodes has a third panel if it differs from that of the drive; `ax` has two or three axes.
+    Raises InvalidParameter if the run has no recorded events, or does not cover these periods.
     """
     (unit, label), delta = time_axis(run.system), run.actuator.delta
     if first is None:

@@ -219,18 +219,10 @@ def _structure(shape: Shape) -> tuple[str, int]:
 
 
 class Compartment(NamedTuple):
-    """A part of the face with one pressure.
+    """A part of the face with one pressure."""
 
-    Attributes
-    ----------
-    share : float
-        Share of the face; the shares of all compartments add up to 1.
-    size : callable
-        ``size(p)``, its s [m^2]: the square of a length over which the gas flows out.
-    """
-
-    share: float
-    size: Function
+    share: float  # of the face; the shares of all compartments add up to 1
+    size: Function  # ``size(p)``, its s [m^2]: the square of a length over which the gas flows out
 
 
 def compartments(indices: ParameterIndices, modes: int) -> list[Compartment]:
