@@ -91,18 +91,9 @@ class Passed:
 class FunctionChecks(Checks):
     """Checks of a system that is defined by functions.
 
-    Parameters
-    ----------
-    system : System
-    passed : Passed
-    times : sequence
-        Forcing period, switching times and time scale: numbers or functions.
-    parts : sequence of Part
-    sliding : SlidingMotions or None
-        The motions on its switching surfaces.
-    state, parameters : callable
-        ``state(y)`` and ``parameters(problem)`` return a scaled state and the parameters of a
-        problem as functions receive them.
+    `times` are forcing period, switching times and time scale: numbers or functions. ``state(y)``
+    and ``parameters(problem)`` return a scaled state and the parameters of a problem as functions
+    receive them. `sliding` has the motions on the switching surfaces.
     """
 
     def __init__(

@@ -16,20 +16,11 @@ __all__ = ["ParameterResult"]
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ParameterResult(Result):
-    """Base class of results over the values of one parameter.
+    """Base class of results over the values of one parameter."""
 
-    Attributes
-    ----------
-    system : System
-        At its own value of the parameter.
-    parameter : str
-    table : DataFrame
-        The values of the parameter are one of the columns.
-    """
-
-    system: HybridSystem
+    system: HybridSystem  # at its own value of the parameter
     parameter: str
-    table: pd.DataFrame
+    table: pd.DataFrame  # the values of the parameter are one of the columns
 
     def summary(self) -> dict[str, Any]:
         """Return the system, and the range and number of the values of the parameter."""

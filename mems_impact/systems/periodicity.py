@@ -57,11 +57,8 @@ class TimeFunction(NamedTuple):
 def time_functions(checked: CheckedFunctions, *, motion: bool) -> Iterator[TimeFunction]:
     """Yield the functions that read the time.
 
-    Parameters
-    ----------
-    checked : CheckedFunctions
-    motion : bool
-        Those of the motion within a mode, which receive the time less whole periods; or the others.
+    With `motion` those of the motion within a mode, which receive the time less whole periods; else
+    the others.
     """
     definition = checked.definition
 
@@ -106,12 +103,7 @@ def time_functions(checked: CheckedFunctions, *, motion: bool) -> Iterator[TimeF
 def check_autonomy(definition: Definition, switches: Sequence[float]) -> None:
     """Raise an error if a system without a period depends on time.
 
-    Raises
-    ------
-    FunctionError
-        If a function reads the time.
-    InvalidParameter
-        If there are switching times.
+    FunctionError if a function reads the time, InvalidParameter if there are switching times.
     """
     checked = CheckedFunctions(definition, [math.nan] * len(definition.parameters))
     reason = "depends on time, and the system has no period"
@@ -188,18 +180,8 @@ def _compare(
 ) -> None:
     """Raise FunctionError if functions differ from their values in the first period.
 
-    Parameters
-    ----------
-    system : SystemDescription
-    checked : CheckedFunctions
-    functions : iterable of TimeFunction
-    points : sequence of EvaluationPoint
-        States at which they are compared in turn.
-    period : float
-    instants : sequence of (int, float)
-        Whole periods and phases; in addition to the times that the functions name.
-    within : tuple of float
-        First and last time, in periods.
+    They are compared at the states of `points` in turn. `instants` are whole periods and phases, in
+    addition to the times that the functions name; `within` has the first and last time, in periods.
     """
     for each in functions:
         places = [at for at in points if each.modes is None or at.mode in each.modes]

@@ -54,37 +54,24 @@ TREND_SIGNIFICANCE = 8.0  # of the rate of growth, in standard errors
 
 
 class SequenceLimit(NamedTuple):
-    """The limit of a sequence.
-
-    Attributes
-    ----------
-    value, error : float
-        The limit, and a bound of its error; infinite if a trend has no end in sight.
-    ratio : float
-        Factor of the distance from the limit from one block to the next, between 0 and 1; 0 without
-        a trend.
-    kind : {"settled", "changing", "fluctuating", "unknown"}
-        Constant within the noise; with a trend; without one; of too few blocks.
-    """
+    """The limit of a sequence."""
 
     value: float
-    error: float
+    error: float  # a bound; infinite if a trend has no end in sight
+    # Factor of the distance from the limit from one block to the next, between 0 and 1; 0 without a
+    # trend.
     ratio: float
+    # "settled" (constant within the noise), "changing" (with a trend), "fluctuating" (without one)
+    # or "unknown" (of too few blocks).
     kind: str
 
 
 def limit_of(blocks: Floats, noise: float, states: Floats) -> SequenceLimit:
-    """Return the limit of a sequence.
+    """Return the limit of a sequence of blocks, shape (k,), NaN where it is not defined.
 
-    Parameters
-    ----------
-    blocks : float array, shape (k,)
-        The sequence; NaN where it is not defined.
-    noise : float
-        Differences below this do not count.
-    states : float array, shape (k, n)
-        States at the ends of the blocks, relative to their sizes. States share the multipliers of
-        the sequence, and show multipliers that the sequence hides.
+    Differences below `noise` do not count. `states`, shape (k, n), are at the ends of the blocks,
+    relative to their sizes: they share the multipliers of the sequence, and show multipliers that
+    the sequence hides.
     """
     defined = np.isfinite(blocks)
     b = blocks[defined]

@@ -32,12 +32,7 @@ REST_RTOL = 1e-6  # of margin and state at rest
 
 
 class StateSpace:
-    """The states of a system.
-
-    Parameters
-    ----------
-    system : System
-    """
+    """The states of a system."""
 
     mode_by_switch: ClassVar[bool] = False
     """Whether the transition at a switch determines the mode of a state."""
@@ -64,33 +59,23 @@ class StateSpace:
     ) -> Mapping[str, Floats]:
         """Return further columns of tables of states, in scaled units.
 
-        Parameters
-        ----------
-        cycle : int array, shape (k,)
-            Numbers of the periods.
-        time : float array, shape (k,)
-            Times since the starts of the periods.
-        y : float array, shape (k, n)
+        `cycle` are the numbers of the k periods, `time` the times since their starts; `y` has the
+        shape (k, n).
         """
         return {}
 
     def contact_forces(self, samples: Samples, problem: Problem) -> dict[str, Floats]:
         """Return the force of each contact at samples, by the heading of its column.
 
-        Raises
-        ------
-        InvalidParameter
-            If the system has no contacts among its parts.
+        Raises InvalidParameter if the system has no contacts among its parts.
         """
         raise InvalidParameter("forces", True, "False: no part is a Friction or a Stopper")
 
     def parse(self, components: State | Mapping[str, Any], field: str = "initial") -> State:
         """Return the state with components of these names, which may be texts with units.
 
-        Raises
-        ------
-        InvalidParameter
-            If `components`, named `field` in the error, is neither a state nor a mapping.
+        Raises InvalidParameter if `components`, named `field` in the error, is neither a state nor
+        a mapping.
         """
         if isinstance(components, State):
             return components
@@ -115,11 +100,8 @@ class StateSpace:
         """Return the initial condition of a run from `state`, in scaled units.
 
         `field` is the name of the argument in errors, `start` the time at which the run begins.
-
-        Raises
-        ------
-        InvalidParameter
-            If the state has unknown components, an unknown mode, or a time beyond the period.
+        Raises InvalidParameter if the state has unknown components, an unknown mode, or a time that
+        is not in the forcing period; without a period, a time other than 0.
         """
         system = self._system
         state = system.initial if state is None else self.parse(state, field)
@@ -236,15 +218,9 @@ class StateSpace:
 class FunctionStateSpace(StateSpace):
     """The states of a system that is defined by functions.
 
-    Parameters
-    ----------
-    system : System
-    begin : callable or None
-        ``begin(mode, t, y, p)`` returns the mode of a state of a system with parts.
-    forces : ContactForces or None
-    state, parameters : callable
-        ``state(y)`` and ``parameters(problem)`` return a scaled state and the parameters of a
-        problem as functions receive them.
+    ``begin(mode, t, y, p)`` returns the mode of a state of a system with parts. ``state(y)`` and
+    ``parameters(problem)`` return a scaled state and the parameters of a problem as functions
+    receive them.
     """
 
     def __init__(

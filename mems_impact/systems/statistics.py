@@ -85,13 +85,7 @@ def maxima(run: Trajectory, first: float) -> list[Floats]:
     """Return, for each state, its local maxima along a run from `first`, in order.
 
     They include corners, and values before and after events. A constant state has one, its value; a
-    monotonic state has none.
-
-    Parameters
-    ----------
-    run : Trajectory
-    first : float
-        In periods of the run's problem.
+    monotonic state has none. `first` is in periods of the run's problem.
     """
     grid = run.samples(SAMPLES_PER_PERIOD, first)
     log = run.events[
@@ -171,15 +165,9 @@ def counted_periods(count: int) -> str:
 class LazyStatistics:
     """An accumulator that processes the events of a run on first access.
 
-    Parameters
-    ----------
-    begin : callable
-        Creates the accumulator. If an observable fails, the next access starts again from the first
-        event.
-    events : Events
-        All events that the run has kept.
-    lengths : sequence of int
-        Lengths of the chunks in which they arrived: sums are computed chunk by chunk.
+    `begin` creates the accumulator: if an observable fails, the next access starts again from the
+    first event. `events` are all that the run has kept, `lengths` those of the chunks in which they
+    arrived, since sums are computed chunk by chunk.
     """
 
     def __init__(
@@ -289,13 +277,8 @@ RETURN = "return time"  # of an autonomous system
 class SystemStatistics:
     """The statistics of a system: of runs, of orbits, and of attractors in studies.
 
-    Parameters
-    ----------
-    system : System
-    state : callable
-        ``state(y)`` returns a scaled state as the functions of observables receive it.
-    parameters : callable
-        ``parameters(problem)`` returns the parameters of a problem as they receive them.
+    ``state(y)`` and ``parameters(problem)`` return a scaled state and the parameters of a problem
+    as the functions of observables receive them.
     """
 
     def __init__(
@@ -387,13 +370,8 @@ class SystemStatistics:
     ) -> dict[str, Floats]:
         """Return the statistics of attractors that studies write, by heading.
 
-        Parameters
-        ----------
-        settled : RecurrenceColumns
-        periods : float array, shape (points,)
-            Lengths of the statistics: in forcing periods, or in the unit of time of tables.
-        out : Conversion
-            The conversion of columns to the units of tables.
+        `out` converts columns to the units of tables; `periods`, shape (points,), are the lengths
+        of the statistics, in forcing periods or in the unit of time of tables.
         """
         system, totals = self._system, MotionTotals.of(settled, periods)
         each = "period" if system.forced else "time"

@@ -46,12 +46,7 @@ STATE_ROUNDING = 1e-12  # smaller states are errors of Newton's method
 class SizeMonitor(EventObserver):
     """The sizes of states and steps of a run without typical magnitudes.
 
-    Parameters
-    ----------
-    options : Options
-    start : HybridState
-    timed : bool
-        Whether the system defines a period or a time scale.
+    The system defines a period or a time scale if `timed`.
     """
 
     def __init__(self, options: Options, start: HybridState, *, timed: bool) -> None:
@@ -101,13 +96,8 @@ def warn_if_below_differences(
 ) -> None:
     """Warn if a state is smaller than the step of the differences for multipliers and exponents.
 
-    Parameters
-    ----------
-    states : tuple of str
-    sizes : float array, shape (n,)
-        Magnitudes of the states at some instants of a motion.
-    trajectory : callable
-        Returns a run along the motion, whose sizes are included if some are small.
+    `sizes`, shape (n,), are magnitudes of the states at some instants of a motion. `trajectory`
+    returns a run along the motion, whose sizes are included if some are small.
     """
 
     def small() -> NDArray[np.bool_]:
@@ -164,19 +154,10 @@ DERIVED: dict[str, dict[str, int]] = {
 
 
 def of_units(unit: str, sizes: Mapping[str, float]) -> float | None:
-    """Return the typical magnitude of a unit, from the magnitudes of other units.
+    """Return the typical magnitude of a unit such as "m/s^2", from the magnitudes of other units.
 
-    Parameters
-    ----------
-    unit : str
-        Such as "m/s^2", "N s/m"; all units after a slash divide.
-    sizes : mapping of str to float
-        By unit, base or derived.
-
-    Returns
-    -------
-    float or None
-        None if the magnitudes do not determine it.
+    All units after a slash divide. Units without a magnitude count as 1; None if all are without
+    one.
     """
     if unit in sizes:
         return sizes[unit]
@@ -202,23 +183,9 @@ def typical_of(
 ) -> Typical:
     """Return the scales of all variables.
 
-    Parameters
-    ----------
-    typical : mapping of str to float
-        By the names of states and parameters, "time", or units.
-    definition : Definition
-    values : mapping of str to float
-        Of the parameters.
-    initial : mapping of str to float
-        Where runs start.
-    units : mapping of str to str
-    time : float
-        Typical time by default.
-
-    Raises
-    ------
-    InvalidParameter
-        If a name or unit is unknown.
+    `typical` is by the names of states and parameters, "time", or units. By default typical are the
+    `values` of the parameters, the `initial` states, where runs start, and `time`. Raises
+    InvalidParameter if a name or unit is unknown.
     """
     names = {*definition.states, *definition.parameters, "time"}
     symbols = {part for unit in units.values() for part in re.findall(r"[A-Za-z]+", unit)}

@@ -19,24 +19,11 @@ Conversion = Callable[[str, Any], Any]
 class Units(Mapping[str, str]):
     """Units by name, without dimensionless quantities, and the scales of variables.
 
-    A heading is a name, "time", or the heading of a column, such as ``v2 before``.
-
-    Parameters
-    ----------
-    names : mapping of str to str
-        Units of states, parameters, observables and ``"time"``.
-    scales : Scales
-        The units of the scaled variables.
-    typical : Typical, optional
-        Typical magnitudes by which variables are scaled.
-    sizes : mapping of str to float, optional
-        The same of states, parameters and ``"time"`` by name, in place of scales by unit.
-    margin_names : mapping of str to str, optional
-        Units of the margins of guards.
-    symbols : mapping of str to str, optional
-        Symbols of parameters in figures, where they differ from the names.
-    is_scaled : bool, optional
-        Whether the variables are scaled by typical magnitudes.
+    A heading is a name, "time", or the heading of a column, such as ``v2 before``. `names` has
+    units of states, parameters, observables and ``"time"``, `margin_names` of the margins of
+    guards. Variables are scaled by `typical` magnitudes if `is_scaled`; `sizes` has such magnitudes
+    of states, parameters and ``"time"`` by name, in place of scales by unit. `symbols` are of
+    parameters in figures, where they differ from the names.
     """
 
     def __init__(
@@ -67,19 +54,9 @@ class Units(Mapping[str, str]):
     def parse(self, name: str, values: Any, field: str = "") -> Any:
         """Return values of a parameter, a state or the time, with texts as numbers in the unit.
 
-        Parameters
-        ----------
-        name : str
-        values : object
-            One value or several; texts with units ("70 V") and quantities of pint are converted,
-            other values are returned unchanged.
-        field : str, optional
-            Name of the argument in errors; `name` by default.
-
-        Raises
-        ------
-        InvalidParameter
-            If a text has a unit of another kind, or the system is dimensionless.
+        Texts with units ("70 V") and quantities of pint are converted, other values are returned
+        unchanged. `field` is the name of the argument in errors, by default `name`. Raises
+        InvalidParameter if a text has a unit of another kind, or the system is dimensionless.
         """
         return quantities(field or name, values, unit_of(name, self) if self else None)
 

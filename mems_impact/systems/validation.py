@@ -176,20 +176,8 @@ def warn_of_discontinuity(
 ) -> bool:
     """Warn if the flow is discontinuous where steps of a run have become very short.
 
-    Parameters
-    ----------
-    system : SystemDescription
-    definition : Definition
-        Its functions, in the user's units.
-    at : HybridState
-        Start of such a step, in scaled units; cyclic components are arbitrary.
-    length : float
-        Of the step.
-
-    Returns
-    -------
-    bool
-        Whether the flow is discontinuous.
+    Return whether the flow is. The definition has functions in the user's units. `at`, in scaled
+    units with arbitrary cyclic components, is the start of such a step of this `length`.
     """
     numbers = system.numbers()
     checked = CheckedFunctions(
@@ -380,15 +368,7 @@ def check_times(
 ) -> None:
     """Raise FunctionError unless the flow has the forcing period, if there is one.
 
-    Parameters
-    ----------
-    checked : CheckedFunctions
-    at : EvaluationPoint
-    slope : sequence of float
-        The flow there.
-    period : float or None
-    unit : float
-        The time scale.
+    `slope` is the flow at the point, `unit` the time scale.
     """
 
     def ahead(time: float) -> list[float]:
@@ -451,15 +431,8 @@ def compare(
 class ModeMonitor(EventObserver):
     """Records the first states of a run in modes that have not been checked.
 
-    Parameters
-    ----------
-    system : SystemDescription
-    definition : Definition
-        Its functions, in the user's units.
-    problem : Problem
-        The problem, in scaled units.
-    met : set of int
-        The modes that have been checked; mutable.
+    The definition has functions in the user's units, the problem is in scaled units. `met` has the
+    modes that have been checked; checks add to it.
     """
 
     def __init__(
@@ -498,10 +471,7 @@ class ModeMonitor(EventObserver):
     def check(self) -> None:
         """Check the functions at the recorded states.
 
-        Raises
-        ------
-        FunctionError
-            For the first function that fails or is inconsistent.
+        Raises FunctionError for the first function that fails or is inconsistent.
         """
         if not any(self.points.values()):
             return
@@ -542,14 +512,7 @@ EventCallback = Callable[[int, EvaluationPoint, EvaluationPoint], None]
 class ShortRun:
     """A short run by the interpreted event loop, whose calls are repeated with checks.
 
-    Parameters
-    ----------
-    system : SystemDescription
-    checked : CheckedFunctions
-    problem : Problem
-    start : HybridState
-    unit : float
-        The time scale.
+    `unit` is the time scale.
     """
 
     def __init__(
@@ -576,19 +539,9 @@ class ShortRun:
     def points(self, on_event: EventCallback) -> Iterator[EvaluationPoint]:
         """Yield the points at which steps end.
 
-        Parameters
-        ----------
-        on_event : callable
-            Called with guard, point before and point after at every event.
-
-        Raises
-        ------
-        DomainError
-            If a transition has no value.
-        FunctionError
-            If a function fails, or a transition leaves its guard firing.
-        InvalidParameter
-            If the run starts beyond an impact.
+        `on_event` is called with guard, point before and point after at every event. Raises
+        DomainError if a transition has no value, FunctionError if a function fails, or a transition
+        leaves its guard firing, and InvalidParameter if the run starts beyond an impact.
         """
         engine: Any = self.run.binding.engine
         clock, memory = self.run.clock, self.run.memory
@@ -691,30 +644,11 @@ def check_run(
 ) -> None:
     """Check the functions of a system along a short run.
 
-    Parameters
-    ----------
-    system : SystemDescription
-        Its names, times and observables.
-    definition : Definition
-        Its functions.
-    problem : Problem
-        Its numbers.
-    start : HybridState
-        Its initial state, as given.
-    met : set of int
-        The modes that have been checked; mutable.
-    time : float or None
-        Typical time, if the user gave one.
-    initial_given : bool
-        Whether the user gave the initial state; otherwise functions may have no value there.
-
-    Raises
-    ------
-    FunctionError
-        For the first function that fails or is inconsistent.
-    InvalidParameter
-        If the initial state does not fit the system, or the user gave it and it lies beyond an
-        impact.
+    `met` has the modes that have been checked, and the check adds those of the run. `time` is a
+    typical time, if the user gave one; unless the user gave the initial state, functions may have
+    no value there. Raises FunctionError for the first function that fails or is inconsistent,
+    InvalidParameter if the initial state does not fit the system, or the user gave it and it lies
+    beyond an impact.
     """
     check_effects(definition)
     checked = _checked(definition, problem)
@@ -800,22 +734,9 @@ def check_parted(
 ) -> None:
     """Check a flow without its parts, at the start, in every combination of modes of the parts.
 
-    An error in the assembled flow would point to generated source.
-
-    Parameters
-    ----------
-    flow : callable
-        ``flow(mode, t, y, p)``, which reads the mode of each part by its name.
-    states : tuple of str
-    parameters : mapping of str to float
-    signs : mapping of str to sequence of int
-        Values of the mode of each part.
-    start : mapping of str to float
-
-    Raises
-    ------
-    FunctionError
-        If it fails or is inconsistent.
+    An error in the assembled flow would point to generated source. ``flow(mode, t, y, p)`` reads
+    the mode of each part by its name; `signs` has the values of this mode. Raises FunctionError if
+    the flow fails or is inconsistent.
     """
     definition = Definition(states=states, modes=("any",), parameters=tuple(parameters), flow=flow)
     checked, modes = (

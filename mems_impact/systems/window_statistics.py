@@ -41,15 +41,7 @@ def ratio(part: Any, total: Any) -> Any:
 
 
 class Moments:
-    """Number, sum, standard deviation and extremes of values that arrive in chunks.
-
-    Attributes
-    ----------
-    count : int
-    total : float
-    low, high : float
-        Smallest and largest value.
-    """
+    """Number, sum, standard deviation and extremes of values that arrive in chunks."""
 
     def __init__(self) -> None:
         self.count, self.total, self._squares = 0, 0.0, 0.0
@@ -106,32 +98,15 @@ class MotionTotals:
     """Totals of a motion over a window; or of several motions, by columns.
 
     Columns have one more axis, the first.
-
-    Attributes
-    ----------
-    duration : float
-        Length of the window.
-    periods : float
-        The same in forcing periods; for an autonomous system in its unit of time.
-    counts : array, shape (m,)
-        Transitions by guard.
-    chatter : int
-        Completed chatter sequences.
-    durations : float array, shape (modes,)
-        Time in each mode.
-    gains : mapping of str to float
-        Changes of observables of the state.
-    moments : mapping of str to Moments
-        Values of observables at events.
     """
 
-    duration: Any
-    periods: Any
-    counts: NDArray[Any]
-    chatter: Any
-    durations: Floats
-    gains: Mapping[str, Any]
-    moments: Mapping[str, Moments]
+    duration: Any  # length of the window
+    periods: Any  # the same in forcing periods; for an autonomous system in its unit of time
+    counts: NDArray[Any]  # transitions by guard, shape (m,)
+    chatter: Any  # completed chatter sequences
+    durations: Floats  # time in each mode, shape (modes,)
+    gains: Mapping[str, Any]  # changes of observables of the state
+    moments: Mapping[str, Moments]  # of the values of observables at events
 
     @classmethod
     def of(cls, settled: RecurrenceColumns, periods: Floats) -> MotionTotals:
@@ -174,16 +149,9 @@ def _sum(values: NDArray[Any]) -> Any:
 
 @dataclass(frozen=True)
 class TimeWindow:
-    """The part of a run over which statistics are computed.
+    """The part of a run over which statistics are computed."""
 
-    Attributes
-    ----------
-    first, last : float
-        In periods; half-open: an event at its end is outside.
-    period : float
-    """
-
-    first: float
+    first: float  # in periods, as `last`; the window is half-open: an event at its end is outside.
     last: float
     period: float
 
@@ -214,15 +182,8 @@ class TimeWindow:
 class StatisticsAccumulator(EventObserver, ABC):
     """Accumulates statistics over the events of a run; a call takes the next chunk of events.
 
-    Its memory does not grow with the length of the run.
-
-    Parameters
-    ----------
-    window : TimeWindow
-    start : HybridState
-        The start of the run.
-    modes, guards : int
-        Number of modes, and of the guards whose events are counted: the first ones.
+    Its memory does not grow with the length of the run, which begins at `start`. Events are counted
+    of the first `guards` guards.
     """
 
     def __init__(self, window: TimeWindow, start: HybridState, modes: int, guards: int) -> None:

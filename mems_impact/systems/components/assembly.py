@@ -67,14 +67,7 @@ MOTION_RATIO = "0.999999999"  # relative difference of motions that differ
 class FlowWriter:
     """Generates the source code of a flow with parts.
 
-    Parameters
-    ----------
-    parts : sequence of Part
-    states, parameters : tuple of str
-    masses : mapping of str to Quantity
-    flow : callable
-        ``flow(mode, t, y, p)``, with the modes of the parts by name.
-    time_scale : Quantity
+    ``flow(mode, t, y, p)`` receives the modes of the parts by name; `masses` are by velocity.
     """
 
     def __init__(
@@ -489,33 +482,19 @@ def concise(signature: str, lines: Sequence[str]) -> str:
 
 
 class AssembledSystem(NamedTuple):
-    """The arguments of a `System`, assembled from parts.
-
-    Attributes
-    ----------
-    flow, switch_transition : callable
-    guards : tuple of Guard
-    modes : tuple of str
-        The modes of the parts, joined by dashes.
-    begin : callable
-        ``begin(mode, t, y, p)`` returns the mode of a state; if several fit, `mode` if it is one.
-    constrained : tuple of int
-        The modes in which contacts hold or the state slides on a surface.
-    projection : callable or None
-        ``projection(mode, t, y, p)`` projects a state onto the constraints of its mode.
-    sliding : SlidingMotions or None
-        The motions of a state on surfaces.
-    forces : ContactForces
-    """
+    """The arguments of a `System`, assembled from parts."""
 
     flow: Callable[..., Any]
     switch_transition: Callable[..., Any]
     guards: tuple[Guard, ...]
-    modes: tuple[str, ...]
+    modes: tuple[str, ...]  # of the parts, joined by dashes
+    # ``begin(mode, t, y, p)`` returns the mode of a state; if several fit, `mode` if it is one.
     begin: Callable[..., int]
+    # The modes in which contacts hold or the state slides on a surface.
     constrained: tuple[int, ...]
+    # ``projection(mode, t, y, p)`` projects a state onto the constraints of its mode.
     projection: Callable[..., Any] | None
-    sliding: SlidingMotions | None
+    sliding: SlidingMotions | None  # the motions of a state on surfaces
     forces: ContactForces
 
 
@@ -575,24 +554,10 @@ def assemble(
     guards: Sequence[Guard],
     time_scale: Quantity,
 ) -> AssembledSystem:
-    """Assemble parts and a flow.
+    """Assemble parts and a flow; the guards of the user read the modes of the parts by name.
 
-    Parameters
-    ----------
-    parts : sequence of Part
-    flow : callable
-        ``flow(mode, t, y, p)`` returns the derivatives without the parts.
-    states, parameters : tuple of str
-    masses : mapping of str to Quantity
-        Masses by velocity.
-    guards : sequence of Guard
-        The user's guards, which read the modes of the parts by name.
-    time_scale : Quantity
-
-    Raises
-    ------
-    InvalidParameter
-        If parts and system do not fit together.
+    ``flow(mode, t, y, p)`` returns the derivatives without the parts; `masses` are by velocity.
+    Raises InvalidParameter if parts and system do not fit together.
     """
     check(parts, flow, states, masses, guards)
     text = FlowWriter(parts, states, parameters, masses, flow, time_scale)

@@ -41,82 +41,40 @@ ANY = "-1"  # in place of a mode: whichever fits
 
 @dataclass(frozen=True, kw_only=True)
 class GuardSpec:
-    """A guard of a part.
+    """A guard of a part."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the event in tables.
-    modes : tuple of int
-        The modes of the part in which it is active.
-    margin : str
-        An expression, which can use ``x``.
-    changes : mapping of int to str
-        New values of components of the state after the event, from the old values.
-    leads : str
-        The mode of the part after the event, an expression; by default whichever fits the new
-        state.
-    rest : mapping of int to str or None
-        For an impact: `changes` without rebound.
-    rests : bool
-        Whether the relative speed of a contact is zero at the event.
-    """
-
-    name: str
-    modes: tuple[int, ...]
-    margin: str
+    name: str  # of the event in tables
+    modes: tuple[int, ...]  # the modes of the part in which it is active
+    margin: str  # an expression, which can use ``x``
+    # New values of components of the state after the event, as expressions of the old values.
     changes: Mapping[int, str] = field(default_factory=dict)
+    # The mode of the part after the event, an expression; by default whichever fits the new state.
     leads: str = ANY
-    rest: Mapping[int, str] | None = None
-    rests: bool = False
+    rest: Mapping[int, str] | None = None  # for an impact: `changes` without rebound
+    rests: bool = False  # whether the relative speed of a contact is zero at the event
 
 
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
-    """A constraint that holds in a mode of a part.
+    """A constraint that holds in a mode of a part."""
 
-    Attributes
-    ----------
-    mode : int
-        The mode of the part.
-    value : str
-        An expression that is zero where the constraint holds.
-    slopes : mapping of int to str
-        Its derivatives with respect to components of the state; others are zero.
-    linear : bool
-        Whether these are constant.
-    """
-
-    mode: int
-    value: str
+    mode: int  # of the part
+    value: str  # an expression that is zero where the constraint holds
+    # Its derivatives with respect to components of the state, expressions; others are zero.
     slopes: Mapping[int, str]
-    linear: bool = True
+    linear: bool = True  # whether the slopes are constant
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit of a quantity of a part, beyond which the part adds energy or has no mode that fits.
+    """A limit of a quantity of a part, beyond which it adds energy or has no mode that fits."""
 
-    Attributes
-    ----------
-    field : str
-        Name of the quantity in errors.
-    quantity : Quantity
-        A function takes ``p``.
-    low, high : Quantity
-        Its bounds.
-    of_low : str
-        Name of the lower bound, if it is a quantity of the part.
-    exclusive : bool
-        Whether the lower bound itself is excluded.
-    """
-
-    field: str
-    quantity: Quantity
-    low: Quantity = 0.0
-    high: Quantity = math.inf
-    of_low: str = ""
-    exclusive: bool = False
+    field: str  # name of the quantity in errors
+    quantity: Quantity  # a function takes ``p``
+    low: Quantity = 0.0  # the lower bound
+    high: Quantity = math.inf  # the upper bound
+    of_low: str = ""  # name of the lower bound, if it is a quantity of the part
+    exclusive: bool = False  # whether the lower bound itself is excluded
 
     def check(self, p: Any) -> None:
         """Raise InvalidParameter, with the name of the parameter, if a value is beyond."""
@@ -151,35 +109,18 @@ def _at(quantity: Quantity, p: Any) -> float:
 
 @dataclass(frozen=True)
 class CodeNames:
-    """Names in the generated source of the quantities of a part.
-
-    Attributes
-    ----------
-    part : Part
-    number : int
-        Index of the part.
-    states, parameters : tuple of str
-    masses : mapping of str to Quantity
-        Masses by velocity.
-    contact : int or None
-        Index among the contacts.
-    space : dict
-        The functions that the source calls, by name.
-    bases : mapping of int to tuple of int
-        The velocities to which a velocity is relative: their sum is the velocity of the body.
-    time_scale : str
-        An expression.
-    """
+    """Names in the generated source of the quantities of a part."""
 
     part: Part
-    number: int
+    number: int  # index of the part
     states: tuple[str, ...]
     parameters: tuple[str, ...]
-    masses: Mapping[str, Quantity]
-    contact: int | None
-    space: dict[str, Any]
+    masses: Mapping[str, Quantity]  # by velocity
+    contact: int | None  # index among the contacts
+    space: dict[str, Any]  # the functions that the source calls, by name
+    # The velocities to which a velocity is relative: their sum is the velocity of the body.
     bases: Mapping[int, tuple[int, ...]]
-    time_scale: str = "1.0"
+    time_scale: str = "1.0"  # an expression
 
     @property
     def mode(self) -> str:
@@ -374,28 +315,16 @@ ZERO_FORCE_RATIO = "1e-13"  # of forces and accelerations: smaller ones have no 
 
 @dataclass(frozen=True)
 class ContactSides:
-    """The two sides of a contact, in names of the generated source.
+    """The two sides of a contact, in names of the generated source."""
 
-    Attributes
-    ----------
-    velocity : int
-        The velocity on which its force acts.
-    other_velocity : int or None
-        The velocity on which the reaction acts, or a prescribed velocity; None for `speed`.
-    speed : str
-        Speed of the other side, as an expression.
-    mass, other_mass : str or None
-        Their masses; None if no force acts on the other side.
-    plus, minus : tuple of int
-        The velocities whose sum and difference is the relative velocity, without a prescribed
-        speed.
-    """
-
-    velocity: int
+    velocity: int  # on which the force of the contact acts
+    # On which the reaction acts, or a prescribed velocity; None for `speed`.
     other_velocity: int | None
-    speed: str
+    speed: str  # of the other side, an expression
     mass: str
-    other_mass: str | None
+    other_mass: str | None  # None if no force acts on the other side
+    # The relative velocity is the sum of the velocities in `plus` less the sum of those in `minus`,
+    # without a prescribed speed.
     plus: tuple[int, ...]
     minus: tuple[int, ...]
 

@@ -25,23 +25,14 @@ class ForcedContact(NamedTuple):
 
 @dataclass(frozen=True)
 class ContactForces:
-    """The force of each contact on its velocity, from the motion of the bodies that it holds.
-
-    Attributes
-    ----------
-    contacts : tuple of ForcedContact
-    acting : callable
-        ``acting(mode, t, y, p)``, the forces of the contacts that do not hold.
-    field : callable
-        ``field(mode, t, y, p)``, the derivatives, and the force that holds each body.
-    indices : dict of int to int
-        Index of this force in the result of `field`, by velocity.
-    """
+    """The force of each contact on its velocity, from the motion of the bodies that it holds."""
 
     contacts: tuple[ForcedContact, ...]
+    # ``acting(mode, t, y, p)``, the forces of the contacts that do not hold.
     acting: Callable[..., Any]
+    # ``field(mode, t, y, p)``, the derivatives, and the force that holds each body.
     field: Callable[..., Any]
-    indices: dict[int, int]
+    indices: dict[int, int]  # of this force in the result of `field`, by velocity
 
     def columns(self, rows: Iterable[tuple[int, float, Any]], p: Any) -> dict[str, Floats]:
         """Return one column per contact for modes, times and states, by heading."""

@@ -274,13 +274,7 @@ class Friction(Contact):
 class NegativeFriction(EventObserver):
     """A search of the events of a run for negative coefficients of friction and normal forces.
 
-    Parameters
-    ----------
-    parts : sequence of Friction
-    problem : Problem
-    values : callable
-        ``values(time, y)`` returns the arguments ``t, y, p`` of the user's functions.
-    start : HybridState
+    ``values(time, y)`` returns the arguments ``t, y, p`` of the user's functions.
     """
 
     def __init__(

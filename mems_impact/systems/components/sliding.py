@@ -54,20 +54,8 @@ EXIT_RATIO = 1e-3  # of their rates, below which the slower one is a rounding er
 class Sliding:
     """Generates the source code of sliding.
 
-    Parameters
-    ----------
-    surfaces : sequence of tuple
-        Names and part of each.
-    strides : sequence of int
-        Of the modes of all parts.
-    modes : int
-        Number of modes.
-    size : int
-        Number of values that ``field`` returns: derivatives of the states, and forces.
-    n : int
-        Number of states.
-    time_scale : str
-        An expression.
+    `strides` are of the modes of all parts, `modes` is the number of modes. ``field`` returns
+    `size` values, derivatives of the `n` states and forces; `time_scale` is an expression.
     """
 
     def __init__(
@@ -624,32 +612,19 @@ def _equation(names: CodeNames, part: SwitchingSurface) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingMotions:
-    """The motions of a state on switching surfaces, for messages.
-
-    Attributes
-    ----------
-    states, surfaces, modes : tuple of str
-        Names of the states, of the surfaces and of the modes.
-    strides : tuple of int
-        Of the surfaces.
-    slopes, field : callable
-        ``slopes(mode, t, y, p)`` returns the flow, `field` without sliding.
-    rates : callable
-        ``rates(d, t, y, p)`` returns the derivatives of the heights along a flow.
-    other_start : callable
-        ``other_start(mode, t, y, p)`` returns the mode of another motion from a start, or -1.
-    room : callable
-        ``room(mode, t, y, p)`` is positive if the surfaces of a mode hold the state.
-    """
+    """The motions of a state on switching surfaces, for messages."""
 
     states: tuple[str, ...]
     surfaces: tuple[str, ...]
     modes: tuple[str, ...]
-    strides: tuple[int, ...]
-    slopes: Callable[..., Any]
-    field: Callable[..., Any]
+    strides: tuple[int, ...]  # of the surfaces
+    slopes: Callable[..., Any]  # ``slopes(mode, t, y, p)`` returns the flow
+    field: Callable[..., Any]  # the flow without sliding
+    # ``rates(d, t, y, p)`` returns the derivatives of the heights along a flow.
     rates: Callable[..., Any]
+    # ``other_start(mode, t, y, p)`` returns the mode of another motion from a start, or -1.
     other_start: Callable[..., int]
+    # ``room(mode, t, y, p)`` is positive if the surfaces of a mode hold the state.
     room: Callable[..., float]
 
     def failure(self, code: int, t: float, y: Any, p: Any) -> tuple[str, str]:

@@ -33,47 +33,25 @@ _Node = int | None  # a body, by its velocity; None for the ground
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut: the border around some bodies of a group.
+    """A cut: the border around some bodies of a group."""
 
-    Attributes
-    ----------
-    bodies : tuple of int
-        The bodies inside, by velocity; never the ground.
-    across : dict of int to int
-        The contacts across it, by number: 1 if the body on which the force acts is inside, -1 if
-        the body of the reaction is.
-    """
-
-    bodies: tuple[int, ...]
+    bodies: tuple[int, ...]  # the bodies inside, by velocity; never the ground
+    # The contacts across it, by number: 1 if the body on which the force acts is inside, -1 if the
+    # body of the reaction is.
     across: dict[int, int]
 
 
 @dataclass(frozen=True)
 class Group:
-    """Bodies connected by contacts.
+    """Bodies connected by contacts."""
 
-    Attributes
-    ----------
-    bodies : tuple of int
-        Their velocities, bodies on the ground first.
-    grounds : tuple of str
-        The speeds of prescribed sides, as expressions.
-    contacts : tuple of int
-        Numbers of the contacts, starting at the ground.
-    ring : bool
-        Whether some contact may be redundant.
-    cuts : tuple of Cut
-        The cuts with connected sides.
-    rings : tuple of dict of int to int
-        For each ring, its contacts by number: 1 if a contact acts on the next body around the ring,
-        -1 if on the previous body.
-    """
-
-    bodies: tuple[int, ...]
-    grounds: tuple[str, ...]
-    contacts: tuple[int, ...]
-    ring: bool
-    cuts: tuple[Cut, ...]
+    bodies: tuple[int, ...]  # their velocities, bodies on the ground first
+    grounds: tuple[str, ...]  # the speeds of prescribed sides, as expressions
+    contacts: tuple[int, ...]  # numbers of the contacts, starting at the ground
+    ring: bool  # whether some contact may be redundant
+    cuts: tuple[Cut, ...]  # the cuts with connected sides
+    # For each ring, its contacts by number: 1 if a contact acts on the next body around the ring,
+    # -1 if on the previous body.
     rings: tuple[dict[int, int], ...]
 
 
@@ -183,14 +161,8 @@ MOVING = 2  # in place of a direction: not at rest
 class Holding:
     """Generates the source code of holding contacts.
 
-    Parameters
-    ----------
-    contacts : sequence of tuple
-        Names, part and sides of each.
-    n : int
-        Number of states.
-    bases : mapping of int to tuple of int
-        The velocities to which a velocity is relative.
+    A contact has names, part and sides; `n` is the number of states, and `bases` has the velocities
+    to which a velocity is relative.
     """
 
     def __init__(

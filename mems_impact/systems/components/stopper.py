@@ -26,27 +26,13 @@ TOUCHES = "1e-14"  # of the positions: a smaller gap is closed
 
 
 class Stop(NamedTuple):
-    """A stop on one side.
+    """A stop on one side."""
 
-    Attributes
-    ----------
-    number : int
-        The mode of the contact, by number.
-    mode : str
-        The same by name.
-    field : str
-        "upper" or "lower".
-    at : Quantity
-        Its position.
-    sign : int
-        The sign of its force on the body.
-    """
-
-    number: int
-    mode: str
-    field: str
-    at: Quantity
-    sign: int
+    number: int  # of the mode of the contact
+    mode: str  # the same by name
+    field: str  # "upper" or "lower"
+    at: Quantity  # its position
+    sign: int  # of its force on the body
 
     def inwards(self, expression: str) -> str:
         """Return an expression along the position with its sign positive away from the stop."""

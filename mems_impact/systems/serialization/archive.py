@@ -126,15 +126,8 @@ def check_format(
 ) -> None:
     """Raise InvalidFile for a format that this version does not read.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-    number, read : int
-        The format of the file, and the format that this version reads.
-    version : str
-        The version of mems_impact that wrote it.
-    remedy : str
-        What to do if its format is older.
+    The file has the format `number` by the `version` of mems_impact that wrote it, and this version
+    reads the format `read`; `remedy` is for an older format.
     """
     if number != read:
         reason = f"has format {number} (mems_impact {version}); this version reads format {read}"

@@ -52,20 +52,11 @@ def register(
     constructor: Constructor | None = None,
     reading: Callable[[dict[str, Any], Reader], Any] | None = None,
 ) -> None:
-    """Register a class whose objects can be stored.
+    """Register a class whose objects can be stored, in the file by a short name.
 
-    Parameters
-    ----------
-    kind : type
-    name : str, optional
-        Short name in the file; by default the name of the class.
-    parts : callable, optional
-        ``parts(value)`` returns the stored values by name; by default the items of a named tuple,
-        or the fields of a dataclass that its class takes as arguments.
-    constructor : callable, optional
-        ``constructor(**parts)`` restores the object; the class by default.
-    reading : callable, optional
-        ``reading(parts, reader)`` restores an object that depends on the file.
+    ``parts(value)`` returns the stored values by name; by default the items of a named tuple, or
+    the fields of a dataclass that its class takes as arguments. ``constructor(**parts)`` restores
+    the object, by default the class; ``reading(parts, reader)`` an object that depends on the file.
     """
     if parts is None:
         names = getattr(kind, "_fields", None) or [each.name for each in fields(kind) if each.init]
@@ -159,13 +150,8 @@ class Writer:
 class Reader:
     """Restores objects from the output of `Writer`.
 
-    Parameters
-    ----------
-    members : mapping of str to array
-    path : str
-        Path of the file.
-    system : System, optional
-        System given by the user, in place of the systems of the file.
+    `path` is that of the file; a system given by the user takes the place of the systems of the
+    file.
     """
 
     def __init__(self, members: Mapping[str, np.ndarray], path: str, system: Any = None) -> None:

@@ -31,14 +31,7 @@ TIME_RTOL = 1e-12  # relative difference of equal times, computed on another mac
 
 
 def describe(system: HybridSystem, functions: Mapping[str, str]) -> dict[str, Any]:
-    """Return the description of a system without its functions.
-
-    Parameters
-    ----------
-    system : System
-    functions : mapping of str to str
-        Where its functions are defined.
-    """
+    """Return the description of a system without its functions; `functions` tells their places."""
     problem = system.problem(Options())
     automaton = system.automaton
     return {
