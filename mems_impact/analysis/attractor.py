@@ -145,46 +145,30 @@ class RecurrenceOptions:
 class Attractor:
     """The attractor that the motion from a point reaches.
 
-    Attributes
-    ----------
-    motion : str
-        "periodic"; "off" for a motion without impacts, in a system with impacts, that is periodic
-        or whose exponent shows that it becomes periodic; "resting" at rest; "chaotic" or
-        "quasi-periodic" by its largest exponent (see `classify`) if it has not become periodic;
-        "unsettled" if the exponent does not decide, for example because the motion approaches an
-        orbit slowly, has a period of more than four times `longest` or is transiently chaotic;
-        "failed".
-    period : int
-        Period in returns, 0 for a motion that is not periodic. Returns are forcing periods or, for
-        an autonomous system, crossings of the section (events of the first guard if there is no
-        section).
-    returns : int
-        Number of returns for which the motion was followed.
-    final : State
-        The last state, at a return if the motion is periodic.
-    states : float array, shape (k, n)
-        The states at its returns, the latest first, in the units of the system: one period, or
-        `longest` returns if the motion is not periodic.
-    measures : dict of str to float
-        Its statistics, by heading (see `System.statistics`).
-    exponent, error : float
-        The largest Lyapunov exponent in 1/time, and its standard error; NaN if it was not
-        requested, -inf if events annihilate perturbations.
-    status : str
-        "ok", or the reason of the failure.
-    instant : HybridState
-        `final` in the units of the numerics.
+    `motion` is "periodic"; "off" for a motion without impacts, in a system with impacts, that is
+    periodic or whose exponent shows that it becomes periodic; "resting" at rest; "chaotic" or
+    "quasi-periodic" by its largest exponent (see `classify`) if it has not become periodic;
+    "unsettled" if the exponent does not decide, for example because the motion approaches an orbit
+    slowly, has a period of more than four times `longest` or is transiently chaotic; "failed".
+    Returns are forcing periods or, for an autonomous system, crossings of the section (events of
+    the first guard if there is no section).
     """
 
     motion: str
-    period: int = 0
-    returns: int = 0
-    final: State | None = None
+    period: int = 0  # in returns, 0 for a motion that is not periodic
+    returns: int = 0  # for which the motion was followed
+    final: State | None = None  # the last state, at a return if the motion is periodic
+    # At its returns, the latest first, in the units of the system, shape (k, n): one period, or
+    # `longest` returns if the motion is not periodic.
     states: Floats | None = field(default=None, repr=False)
+    # Its statistics, by heading (see `System.statistics`).
     measures: dict[str, float] = field(default_factory=dict)
+    # The largest Lyapunov exponent in 1/time; NaN if it was not requested, -inf if events
+    # annihilate perturbations.
     exponent: float = math.nan
-    error: float = math.nan
-    status: str = "ok"
+    error: float = math.nan  # standard error of the exponent
+    status: str = "ok"  # "ok", or the reason of the failure
+    # `final` in the units of the numerics.
     instant: HybridState | None = field(default=None, repr=False)
 
 
@@ -195,25 +179,12 @@ def map_attractors(
     watch: Callable[[float], None] | None = None,
     numbers: Sequence[int] | None = None,
 ) -> list[Attractor]:
-    """Compute the attractors of many initial conditions.
+    """Compute the attractors of many initial conditions; each depends on its case alone.
 
     Points that share an automaton are integrated together in compiled code, which releases the GIL.
-
-    Parameters
-    ----------
-    cases : sequence of InitialCondition
-    recurrence : RecurrenceOptions, optional
-    options : Options, optional
-    watch : callable, optional
-        Called several times a second with the number of points done; it may raise.
-    numbers : sequence of int, optional
-        Numbers of the cases in a study, used in warnings about a start beyond a guard or a
-        discontinuous flow.
-
-    Returns
-    -------
-    list of Attractor
-        One per case; each depends on its case alone.
+    `watch` is called several times a second with the number of points done; it may raise. `numbers`
+    are those of the cases in a study, for warnings about a start beyond a guard or a discontinuous
+    flow.
     """
     results: list[Attractor] = []
     batch: list[tuple[InitialCondition, Problem, HybridState]] = []
@@ -351,15 +322,8 @@ def _followed(
 class _Classifier:
     """Classifies the motions of points that share an automaton, by their results.
 
-    Parameters
-    ----------
-    batch : sequence of (InitialCondition, Problem, HybridState)
-    recurrence : RecurrenceOptions
-    options : Options
-    numbers : sequence of int, optional
-        Numbers of the points in a study.
-    watch : callable, optional
-        Called several times a second during an exponent; it may raise.
+    `numbers` are those of the points in a study; `watch` is called several times a second during an
+    exponent and may raise.
     """
 
     def __init__(
@@ -477,13 +441,7 @@ def _is_neutral(growth: float, periods: int) -> bool:
     """Return whether the growth of a perturbation is compatible with a quasi-periodic motion.
 
     There a perturbation varies by a bounded factor, and shear makes it grow in proportion to time.
-
-    Parameters
-    ----------
-    growth : float
-        Logarithm of the growth factor.
-    periods : int
-        Number of periods over which it has grown.
+    `growth` is the logarithm of the growth factor over this number of periods.
     """
     return -LARGEST_SWING < growth < LARGEST_SWING + math.log(max(1, periods))
 
@@ -531,10 +489,7 @@ def _is_near_return(system: HybridSystem, states: Floats) -> bool:
 class _Exponents:
     """Largest exponents of points that share an automaton, by the same engine.
 
-    Parameters
-    ----------
-    rtol : float
-        Relative tolerance of run and perturbations, if it is above that of the problem.
+    `rtol` is for run and perturbations, if it is above that of the problem.
     """
 
     def __init__(self, rtol: float) -> None:

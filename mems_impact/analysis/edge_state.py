@@ -127,10 +127,7 @@ class _Tracking:
     def attractor(self, start: HybridState) -> Attractor:
         """Return the attractor that a state reaches.
 
-        Raises
-        ------
-        OrbitError
-            If its run fails.
+        Raises OrbitError if its run fails.
         """
         case = InitialCondition(self.system, self.system.state_space.state(start))
         (attractor,) = map_attractors([case], self.recurrence, self.options)

@@ -635,10 +635,8 @@ def manifold(
 def _direction(point: FixedPoint, kind: str) -> tuple[FixedPoint, Floats, float]:
     """Return the fixed point, of a power of the map if need be, with eigenvector and multiplier.
 
-    Raises
-    ------
-    OrbitError
-        If the manifold does not have dimension 1.
+    Raises OrbitError if the manifold does not have dimension 1, or is stable in a section that does
+    not have dimension 2.
     """
     values, vectors = np.linalg.eig(point.matrix)
     unstable = np.abs(values) > 1.0

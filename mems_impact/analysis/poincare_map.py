@@ -34,24 +34,14 @@ MULTIPLIER_RTOL = 1e-4  # difference of multipliers by which a map is not differ
 class PoincareMap:
     """The map from one return of a motion to a later one.
 
-    Returns are the starts of forcing periods, upward crossings of the section, or the ends of
-    equal time steps.
-
-    Parameters
-    ----------
-    system : HybridSystem
-    problem : Problem
-    count : int
-        Number of returns that make one application of the map.
-    step : float
-        Time between returns, in periods of the problem; approximate on a section.
-    on_section : bool
+    Returns are the starts of forcing periods, upward crossings of the section, or the ends of equal
+    time steps.
     """
 
     system: HybridSystem
     problem: Problem
-    count: int
-    step: float
+    count: int  # of returns that make one application of the map
+    step: float  # time between returns, in periods of the problem; approximate on a section
     on_section: bool
 
     def times(self, count: int) -> PoincareMap:
@@ -61,12 +51,7 @@ class PoincareMap:
     def image(self, start: HybridState) -> HybridState:
         """Return the image of a state.
 
-        Raises
-        ------
-        RunError
-            If the run fails.
-        OrbitError
-            If the motion does not return to the section.
+        Raises RunError if the run fails, OrbitError if the motion does not return to the section.
         """
         if not self.on_section:
             final = run(self.problem, start, self.count * self.step).final
@@ -90,25 +75,13 @@ class PoincareMap:
 
 
 class FixedPoint(NamedTuple):
-    """A fixed point of a Poincaré map, with the coordinates and the derivative of the map there.
-
-    Attributes
-    ----------
-    map : PoincareMap
-    instant : HybridState
-    components : tuple of int
-        Components of the state that vary on the section: the coordinates of the map.
-    embedding : float array, shape (n, k)
-        Derivatives of the state by the coordinates.
-    matrix : float array, shape (k, k)
-        Derivative of the map.
-    """
+    """A fixed point of a Poincaré map, with the coordinates and the derivative of the map there."""
 
     map: PoincareMap
     instant: HybridState
-    components: tuple[int, ...]
-    embedding: Floats
-    matrix: Floats
+    components: tuple[int, ...]  # of the state that vary on the section: the coordinates of the map
+    embedding: Floats  # derivatives of the state by the coordinates, shape (n, k)
+    matrix: Floats  # derivative of the map, shape (k, k)
 
     @property
     def multipliers(self) -> Complexes:
@@ -148,14 +121,9 @@ class FixedPoint(NamedTuple):
 def fixed_points(solution: Orbit | Equilibrium) -> list[FixedPoint]:
     """Return the points of an orbit, or an equilibrium, as fixed points of a Poincaré map.
 
-    An orbit of n periods has n points. Autonomous systems need a section.
-
-    Raises
-    ------
-    InvalidParameter
-        If an autonomous system has no section that the orbit crosses.
-    OrbitError
-        If the map is not differentiable at the orbit.
+    An orbit of n periods has n points. Autonomous systems need a section: raises InvalidParameter
+    without one that the orbit crosses. Raises OrbitError if the orbit is inadmissible, or the map
+    is not differentiable there.
     """
     if isinstance(solution, Equilibrium):
         return [_of_equilibrium(solution)]
@@ -253,10 +221,7 @@ def _differentiated(
 ) -> FixedPoint:
     """Return a fixed point with the derivative of its map by differences.
 
-    Raises
-    ------
-    OrbitError
-        If the derivative does not have the given eigenvalues.
+    Raises OrbitError if the map has no value nearby, or its derivative not the given eigenvalues.
     """
     k = len(components)
     if embedding is None:

@@ -40,17 +40,10 @@ STEP = 1e-3  # largest relative change of events in the gradient of a function
 
 
 class KeptDerivatives(NamedTuple):
-    """What a run that keeps statistics alone keeps of its derivatives.
+    """What a run that keeps statistics alone keeps of its derivatives."""
 
-    Attributes
-    ----------
-    final : float array, shape (n, s)
-        Of the last state, in scaled units.
-    neighbours : tuple
-        For each quantity a step, and the run to first order at multiples of the step.
-    """
-
-    final: Floats
+    final: Floats  # of the last state, in scaled units, shape (n, s)
+    # For each quantity a step, and the run to first order at multiples of the step.
     neighbours: tuple[tuple[float, Mapping[float, Any]], ...]
 
 

@@ -55,11 +55,7 @@ TOTALS = ("window first", "window last", "periods", "impacts", "blows", "chatter
 def checkpoint_grid(periods: float, window: float, *, forced: bool) -> CheckpointGrid:
     """Return the grid of checkpoints of a run, whose interval divides the window if it can.
 
-    Parameters
-    ----------
-    periods, window : float
-        Lengths of the run and of its window.
-    forced : bool
+    Lengths of the run and of its window are in periods.
     """
     if not forced:
         parts = max(1, math.ceil(CHECKPOINTS / periods))
@@ -74,24 +70,13 @@ def checkpoint_grid(periods: float, window: float, *, forced: bool) -> Checkpoin
 
 
 class SettlingRow(NamedTuple):
-    """The settling of one statistic.
+    """The settling of one statistic."""
 
-    Attributes
-    ----------
-    value : float
-        The statistic.
-    limit, error : float
-        Its value on the attractor, and a bound of the error of this value.
-    kind : {"settled", "changing", "fluctuating", "unknown"}
-    periods : float
-        Length of a run, in periods of the problem, that settles it.
-    """
-
-    value: float
-    limit: float
-    error: float
-    kind: str
-    periods: float
+    value: float  # the statistic
+    limit: float  # its value on the attractor
+    error: float  # a bound of the error of the limit
+    kind: str  # "settled", "changing", "fluctuating" or "unknown"
+    periods: float  # length of a run, in periods of the problem, that settles the statistic
 
     @property
     def remaining(self) -> float:
@@ -197,16 +182,8 @@ def settling_of(
     """Return the settling of the statistics of a run, by their values over blocks of the run.
 
     A run whose states recur has settled; the statistics of a motion that leaves an unstable orbit
-    have no known limit. Otherwise the blocks from checkpoint to checkpoint are integrated again.
-
-    Parameters
-    ----------
-    system : HybridSystem
-    trajectory : Trajectory
-        With checkpoints.
-    window : TimeWindow
-    values : mapping of str to float
-        The statistics over the window, in scaled units.
+    have no known limit. Otherwise the blocks from checkpoint to checkpoint are integrated again:
+    the trajectory has checkpoints. `values` are the statistics over the window, in scaled units.
     """
     values = {name: v for name, v in values.items() if name not in TOTALS and math.isfinite(v)}
     blocks = _Blocks(system, trajectory, window)

@@ -46,16 +46,9 @@ def run_until_standstill(
     """Return the run until standstill, or over `max_periods` periods if there is none.
 
     The steps of a run do not depend on its length, so that a standstill found in a longer run holds
-    for the run that ends there.
-
-    Parameters
-    ----------
-    standstill_test : callable
-        ``standstill_test(trajectory)`` returns the number of periods until standstill, or None.
-    attempt, run : callable
-        Run over a number of periods: with events, and with the requested options.
-    max_periods : float
-        Largest number of periods.
+    for the run that ends there. ``standstill_test(trajectory)`` returns the number of periods until
+    standstill, or None; `attempt` and `run` return the run over a number of periods, with events
+    and with the requested options.
     """
     length = min(float(FIRST_PERIODS), max_periods)
     while True:

@@ -85,12 +85,7 @@ class GrazingType(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class BifurcationPoint(Result, ABC, Generic[S]):
-    """Base class of special points of branches and curves.
-
-    Attributes
-    ----------
-    solution : Orbit or Equilibrium
-    """
+    """Base class of special points of branches and curves."""
 
     solution: S
 
@@ -270,26 +265,19 @@ class SpecialPoint(BifurcationPoint[S]):
 class CodimensionTwo(BifurcationPoint[S]):
     """A point of codimension two on a curve.
 
-    Attributes
-    ----------
-    kind : str
-        "cusp", "fold-flip", "fold-Neimark-Sacker", "flip-Neimark-Sacker", "double Neimark-Sacker";
-        "1:1 resonance" to "1:4 resonance" by the angle of a pair of multipliers on the unit circle;
-        "generalized flip" and "Chenciner" (the cubic coefficient of the normal form is zero);
-        "grazing-fold" (a grazing orbit with a multiplier +1), "grazing-flip",
-        "grazing-Neimark-Sacker", "degenerate grazing" (the first impact leads neither away from the
-        stopper nor towards it), "double grazing"; for another guard its name replaces "grazing".
-        Of equilibria: "cusp", "Bogdanov-Takens" (a double eigenvalue zero), "zero-Hopf",
-        "Hopf-Hopf", "Bautin" (a Hopf point changes its criticality), "boundary-fold",
-        "boundary-Hopf", "double boundary".
-    values : dict of str to float
-        Values of the two parameters.
-    solution : Orbit or Equilibrium
-        Also as `orbit` or `equilibrium`.
+    `kind` is "cusp", "fold-flip", "fold-Neimark-Sacker", "flip-Neimark-Sacker", "double
+    Neimark-Sacker"; "1:1 resonance" to "1:4 resonance" by the angle of a pair of multipliers on the
+    unit circle; "generalized flip" and "Chenciner" (the cubic coefficient of the normal form is
+    zero); "grazing-fold" (a grazing orbit with a multiplier +1), "grazing-flip",
+    "grazing-Neimark-Sacker", "degenerate grazing" (the first impact leads neither away from the
+    stopper nor towards it), "double grazing"; for another guard its name replaces "grazing". Of
+    equilibria: "cusp", "Bogdanov-Takens" (a double eigenvalue zero), "zero-Hopf", "Hopf-Hopf",
+    "Bautin" (a Hopf point changes its criticality), "boundary-fold", "boundary-Hopf", "double
+    boundary". The solution is also `orbit` or `equilibrium`.
     """
 
     kind: str
-    values: dict[str, float]
+    values: dict[str, float]  # of the two parameters
 
     def __repr__(self) -> str:
         location = ", ".join(f"{name}={value:.9g}" for name, value in self.values.items())
@@ -299,14 +287,10 @@ class CodimensionTwo(BifurcationPoint[S]):
     def normal_form(self) -> NormalForm | None:
         """The normal form on the center manifold.
 
-        To the third order, of a cusp, a fold-flip, the resonances, and points with a
-        Neimark-Sacker pair and another multiplier or pair; to the fifth of a generalized flip and a
-        Chenciner point. None of points with a grazing, and of equilibria.
-
-        Raises
-        ------
-        OrbitError
-            If the Poincaré map near the orbit cannot be differentiated.
+        To the third order, of a cusp, a fold-flip, the resonances, and points with a Neimark-Sacker
+        pair and another multiplier or pair; to the fifth of a generalized flip and a Chenciner
+        point. None of points with a grazing, and of equilibria. Raises OrbitError if the Poincaré
+        map near the orbit cannot be differentiated.
         """
         if not isinstance(self.solution, Orbit):
             return None

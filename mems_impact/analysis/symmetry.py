@@ -226,12 +226,7 @@ def symmetry_of_halves(
 ) -> Symmetry | None:
     """Return the symmetry that maps the halves of a branch to each other; else None.
 
-    Parameters
-    ----------
-    specials : sequence of Orbit or Equilibrium
-        Solutions at the branch points of the branch.
-    solutions : sequence of Orbit or Equilibrium
-        All solutions of the branch.
+    `specials` are the solutions at the branch points of the branch, `solutions` all of the branch.
     """
     evaluations = [_evaluation(each) for each in solutions]
     for special in specials:

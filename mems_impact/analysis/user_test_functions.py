@@ -28,27 +28,14 @@ LOADED_REMEDY = "continue the branch again with events="
 
 @dataclass(frozen=True, eq=False)
 class EventFunction:
-    """A function of the solutions of a branch in the user's units, zero at an event.
-
-    Attributes
-    ----------
-    name : str
-    system : System
-    parameter : str
-        The parameter of the branch.
-    column : str
-        Column of the table; empty if `function` is given.
-    level : float
-        Value of the column, or of the function, at the event.
-    function : callable, optional
-        Missing in a result that was loaded.
-    """
+    """A function of the solutions of a branch in the user's units, zero at an event."""
 
     name: str
     system: HybridSystem
-    parameter: str
-    column: str = ""
-    level: float = 0.0
+    parameter: str  # of the branch
+    column: str = ""  # of the table; empty if `function` is given
+    level: float = 0.0  # value of the column, or of the function, at the event
+    # Missing in a result that was loaded.
     function: Callable[[Any], float] | None = field(default=None, compare=False)
 
     def __call__(self, equations: Any, point: Any) -> float:
@@ -57,12 +44,9 @@ class EventFunction:
         return self.of(solution_of(self.system, make(equations, point))) - self.level
 
     def of(self, solution: Solution) -> float:
-        """Return the value at an orbit or an equilibrium.
+        """Return the value at an orbit or an equilibrium; NaN if it has no value in the column.
 
-        Raises
-        ------
-        FunctionError
-            If the function raises, or returns no number.
+        Raises FunctionError if the function is missing, raises, or returns no number.
         """
         if self.column:
             value = quantities(solution, self.parameter).get(self.column)
@@ -86,23 +70,11 @@ class EventFunction:
     def tests(
         cls, events: Events | None, solution: Solution, parameter: str, kinds: Collection[str]
     ) -> tuple[FunctionTest, ...]:
-        """Return the test functions of the events of a branch.
+        """Return the test functions of the events of a branch, tested at its first solution.
 
-        Parameters
-        ----------
-        events : mapping, optional
-        solution : Orbit or Equilibrium
-            The first one, at which the functions are tested.
-        parameter : str
-        kinds : collection of str
-            Names of other special points.
-
-        Raises
-        ------
-        InvalidParameter
-            If an event is neither a function nor a column with a value, or its name is taken.
-        FunctionError
-            If a function fails at the first solution.
+        `kinds` are the names of other special points. Raises InvalidParameter if an event is
+        neither a function nor a column with a value, or its name is taken, FunctionError if a
+        function fails at the first solution.
         """
         if events is None:
             return ()

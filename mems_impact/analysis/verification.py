@@ -109,16 +109,9 @@ def other_family(options: Options, *, stiff: bool = False) -> Options:
 
 
 def compare(run: Trajectory, other: Trajectory, rtol: float, labels: Labels) -> Verification:
-    """Compare two trajectories of the same motion.
+    """Compare two trajectories of the same motion, from the same initial state over the same time.
 
-    Parameters
-    ----------
-    run, other : Trajectory
-        From the same initial state, over the same time.
-    rtol : float
-        Relative tolerance of the less precise run.
-    labels : Labels
-        Names and units of the system, for the table.
+    `rtol` is that of the less precise run; the labels are for the table.
     """
     comparison = EventMatcher(EventLog(run), EventLog(other), rtol)
     agrees, horizon, verdict = comparison.walk()
