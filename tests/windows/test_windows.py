@@ -10,8 +10,8 @@ import pytest
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 FILES = (
-    "_util/test_files.py", "export/test_library.py", "studies/engine/test_store.py",
-    "studies/engine/test_executors.py", "studies/test_saving.py", "systems/test_result.py",
+    "studies/engine/test_store.py", "studies/engine/test_executors.py", "_util/test_files.py",
+    "export/test_library.py", "studies/test_saving.py", "systems/test_result.py",
     "cli/test_simulate.py", "cli/test_sweep.py", "cli/test_show.py", "cli/test_diagram.py",
     "cli/test_help.py", "cli/test_new.py", "cli/test_devices.py", "cli/test_export.py",
 )  # fmt: skip
@@ -54,7 +54,7 @@ def test_what_windows_lacks_is_hidden(tmp_path):
     assert done.returncode == 0
 
 
-@pytest.mark.slow(all=True)
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES)
 def test_tests_pass_without_what_windows_lacks(file):
     arguments = ["-q", "-p", "no:cacheprovider", "-m", "not slow", f"tests/{file}"]
