@@ -196,7 +196,7 @@ def remaining_chatter_time(
     early = EARLY_PART * interval
     is_known = is_shorter and hit_remaining[guard] > 0.0
     if is_known or is_flat_zero(engine, s, t, y, guard, early):
-        if not is_known and is_hidden(engine, s, t, y, guard, early):
+        if is_hidden(engine, s, t, y, guard, early):
             return -math.inf, interval
         ratio = interval / previous_interval if is_shorter else 0.0
         return remaining_flat_time(engine, s, t, y, guard, ratio, previous_speed), interval
