@@ -255,7 +255,8 @@ def plot_switching(table: pd.DataFrame, branches: Sequence[Branch]) -> Any:
     """
     ax = new_figure(1.2).subplots()
     draw_switches(ax, table)
-    plot_branch([_Lines(branch) for branch in branches], table, ax)
+    lines: list[Any] = [_Lines(branch) for branch in branches]  # what is drawn of a branch
+    plot_branch(lines, table, ax)
     return ax
 
 
