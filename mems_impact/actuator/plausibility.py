@@ -150,11 +150,11 @@ def _check_times(actuator: ActuatorParameters, drive: Drive, prefix: str) -> Non
     if (
         near
         and frequency * QUASI_STATIC_RATIO < resonance
-        and 0.0 < _peak(drive) < static_contact(actuator)
+        and 0.0 < _peak(drive) < (contact := static_contact(actuator))
     ):
         _warn_once(
             f"{prefix}frequency = {frequency:.4g} Hz lies far below the resonance, "
-            f"{resonance:.4g} Hz, where the block needs {static_contact(actuator):.4g} V to "
+            f"{resonance:.4g} Hz, where the block needs {contact:.4g} V to "
             f"reach a stopper; {frequency:.4g} kHz?"
         )
     for name in type(drive).model_fields:

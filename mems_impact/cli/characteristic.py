@@ -7,7 +7,12 @@ from collections.abc import Callable
 import click
 
 from mems_impact.cli.arguments import Command, function_options, given_arguments
-from mems_impact.cli.inputs import arguments_for, device_system, run_saving_partial
+from mems_impact.cli.inputs import (
+    arguments_for,
+    device_system,
+    run_saving_partial,
+    values_of_axis,
+)
 from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import Output, show_table
 from mems_impact.cli.value_types import RangeType, symbol_of
@@ -45,25 +50,22 @@ def command(
     blow and power, slip path; with wear rate, area and depth the life, with --stall the stall
     force. The command writes a CSV table, the range of values with impacts, and a figure.
     """  # noqa: D301 - click looks for the backspace itself
-    import numpy as np
-
     import mems_impact as mi
 
-    name, start, stop, points = axis
+    name, *ends = axis
     parameter = symbol_of(name)
     family = given_arguments(FUNCTION, complete=False).get("curves")
     varied = {} if family is None else {symbol_of(family[0]): family[1]}
-    system = device_system(device, changes, {**varied, parameter: start})
-    low, high = (system.units.parse(parameter, end, "values") for end in (start, stop))
+    system = device_system(device, changes, {**varied, parameter: ends[0]})
+    values = values_of_axis(system, parameter, ends)
     arguments = arguments_for(FUNCTION, system)
     with output("characteristic") as files:
         found = run_saving_partial(
             lambda: mi.characteristic(
-                system.actuator, system.drive, parameter, np.linspace(low, high, points),
-                **arguments,
+                system.actuator, system.drive, parameter, values, **arguments
             ),
             lambda table: files.tables({"table": table}),
-        )  # fmt: skip
+        )
         files.tables({"table": found.table, "impacts": found.impact_onset})
         files.draw(lambda: mi.plot_characteristic(found).figure)
         shown = found.table.filter([found.curves, parameter, *SHOWN_COLUMNS])

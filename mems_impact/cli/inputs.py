@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
@@ -136,6 +136,14 @@ def numbers_of_range(
     from mems_impact.actuator.parameters import numbers_for
 
     start, stop = numbers_for(actuator, field, list(ends[:2]), unit)
+    return np.linspace(start, stop, ends[2])
+
+
+def values_of_axis(system: Any, parameter: str, ends: Sequence[Any]) -> Any:
+    """Return the values of a range of a parameter of a system."""
+    import numpy as np
+
+    start, stop = (system.units.parse(parameter, end, "values") for end in ends[:2])
     return np.linspace(start, stop, ends[2])
 
 

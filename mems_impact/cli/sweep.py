@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.arguments import Command, function_options
-from mems_impact.cli.inputs import arguments_for, device_system, run_saving_partial
+from mems_impact.cli.inputs import (
+    arguments_for,
+    device_system,
+    run_saving_partial,
+    values_of_axis,
+)
 from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import Output, add_json_tables, show, show_table, unit_of
 from mems_impact.cli.value_types import RangeType, symbol_of
@@ -53,18 +58,16 @@ def command(
     on and off, and writes the velocities on the Poincaré section x2 = 0 as a CSV table and a
     figure, as in Fig. 4 of the paper.
     """  # noqa: D301 - click looks for the backspace itself
-    import numpy as np
-
     import mems_impact as mi
 
-    parameter, start, stop, points = axis
-    parameter = symbol_of(parameter)
-    system = device_system(device, changes, {parameter: start})
-    low, high = (system.units.parse(parameter, end, "values") for end in (start, stop))
+    name, *ends = axis
+    parameter = symbol_of(name)
+    system = device_system(device, changes, {parameter: ends[0]})
+    values = values_of_axis(system, parameter, ends)
     arguments = arguments_for(FUNCTION, system)
     with output("sweep") as files:
         sweep = run_saving_partial(
-            lambda: mi.sweep(system, parameter, np.linspace(low, high, points), **arguments),
+            lambda: mi.sweep(system, parameter, values, **arguments),
             lambda table: files.tables(_tables(table)),
         )
         files.tables(_tables(sweep.table))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -244,11 +245,11 @@ def static_contact(actuator: ActuatorParameters) -> float:
 
     Where the equilibrium of a term is unknown, terms are neglected.
     """
-    unit = drive_unit(actuator.terms)
-    try:
-        contact = float(actuator.scales.out(StaticForces(actuator).contact(), unit))
-    except InvalidParameter:
-        contact = 0.0
+    contact = 0.0
+    if actuator.terms:
+        with contextlib.suppress(InvalidParameter):
+            unit = drive_unit(actuator.terms)
+            contact = float(actuator.scales.out(StaticForces(actuator).contact(), unit))
     return contact or holding_voltage(actuator, min(actuator.delta, actuator.d / 3.0))
 
 
