@@ -65,7 +65,7 @@ def states(names_or_count: Sequence[str] | int) -> tuple[str, ...]:
     count: Any = names_or_count
     if _is_integer(count) and count > 0:
         return tuple(f"u{i}" for i in range(count))
-    names = as_tuple("states", names_or_count, "names of the states, or their number")
+    names = as_tuple("states", names_or_count, 'a list of names such as ["x"], or their number')
     if not names:
         raise InvalidParameter("states", names_or_count, "one or more")
     for name in names:
@@ -264,7 +264,7 @@ def initial(state: Mapping[str, float] | State | None) -> State:
     if state is None or isinstance(state, State):
         return state or state_from({})
     if not isinstance(state, Mapping):
-        raise InvalidParameter("initial", state, "a State, or numbers by the names of states")
+        raise InvalidParameter("initial", state, 'a State, or numbers by name, {"x": …}')
     return state_from(state)
 
 

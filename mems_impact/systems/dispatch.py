@@ -5,10 +5,12 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, cast, overload
 
 from mems_impact._util.warning_scopes import warned_once
 from mems_impact.errors import InvalidParameter, RunError
+from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 
 __all__ = ["Verb", "takes_system"]
@@ -66,7 +68,7 @@ def takes_system(
     """
 
     def decorated(verb: Callable[Concatenate[HybridSystem, P], R]) -> Verb[P, R]:
-        first = next(iter(inspect.signature(verb).parameters))
+        first, *names = inspect.signature(verb).parameters
 
         @functools.wraps(verb)
         def called(*arguments: Any, **keywords: Any) -> Any:
@@ -89,6 +91,11 @@ def takes_system(
             else:
                 allowed = "a System, or an Actuator (see load_actuator) and a Drive"
                 raise InvalidParameter(typed, model, allowed)
+            for name in keywords.keys() - set(names):
+                problem = f"{verb.__name__}() got an unexpected keyword argument {name!r}"
+                if "options" in names and name in {each.name for each in fields(Options)}:
+                    raise TypeError(f"{problem}: give options=Options({name}=…)")
+                raise TypeError(f"{problem}; its arguments are {', '.join([first, *names])}")
             if recurrent:
                 system.checks.recurrence()
             try:

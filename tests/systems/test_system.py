@@ -214,6 +214,10 @@ def test_arguments_of_the_verbs():
         mi.InvalidParameter, match="system = 'oscillator': must be a System, or an Actuator"
     ):
         mi.simulate("oscillator", 1)
+    with pytest.raises(TypeError, match=r"argument 'rtol': give options=Options\(rtol=…\)"):
+        mi.simulate(system, 1, rtol=1e-6)
+    with pytest.raises(TypeError, match=r"'y0'; its arguments are system, .*guess"):
+        mi.find_orbit(system, y0=[1.0, 0.0])
     assert system.changed(A=0.7).parameters["A"] == 0.7
     assert system.parameters["A"] == 0.6
     assert FREE.name == "free"

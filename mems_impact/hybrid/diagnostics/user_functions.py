@@ -178,6 +178,8 @@ def _explanation(error: BaseException) -> tuple[str, str, bool]:
             return problem, suggestion(error), True
         case AttributeError() if isinstance(error.obj, list):
             return f"reads .{error.name} of an array", "write y[0], y[1], …", True
+        case TypeError() if "indices must be" in str(error):
+            return exception, "a state is read as y.NAME, a parameter as p.NAME", True
         case AttributeError() | NameError() | TypeError() | ImportError():
             return exception, "correct this line", True
         case ArithmeticError() | ValueError():
