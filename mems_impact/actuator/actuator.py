@@ -212,8 +212,9 @@ class Actuator(ActuatorParameters):
         ------
         InvalidParameter
             If the device is dimensionless or has events (it lacks `CompliantStopper` or
-            `RegularizedFriction`), or if a term has no Verilog-A form: a term of the source, which
-            belongs to the circuit, or a term of your own.
+            `RegularizedFriction`), or if it has a term of the source, which belongs to the circuit.
+        FunctionError
+            If a function of a term of your own cannot be translated.
 
         See Also
         --------

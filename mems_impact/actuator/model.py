@@ -12,6 +12,7 @@ from functools import cache
 from itertools import accumulate
 from typing import Any, NamedTuple
 
+from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law
 from mems_impact.actuator.equations import STATES, V2, X1, X2
@@ -24,7 +25,7 @@ from mems_impact.actuator.terms.base import (
     TermKind,
 )
 
-__all__ = ["Model", "compose", "layout"]
+__all__ = ["Model", "bounds_of", "compose", "layout"]
 
 HIDDEN = 2  # numbers between those of terms and drive (see `hidden_parameters`)
 
@@ -97,6 +98,27 @@ class LimitedState(NamedTuple):
     state: int  # its index
     side: str  # "" for the right electrode, "left " for the left one
     limit: RateBound  # with ``rate(v, w, y, p)``
+
+
+def bounds_of(kinds: Sequence[TermKind]) -> tuple[Bound, ...]:
+    """Return the bounds that the numbers of an actuator with terms set for each other."""
+    found, first = list(ORDERED), eq.TERMS
+    compliant = any(kind.term.replaced_rule == "stopper" for kind in kinds)
+    for kind in kinds:
+        found += kind.term.bounds(kind.indices(first), kind.shape, compliant)
+        first += kind.length
+    return tuple(found)
+
+
+def gap(p):  # type: ignore[no-untyped-def]
+    """Return the gap."""
+    return p[eq.D]
+
+
+ORDERED = (
+    Bound(name="delta", value=gap, upper=True, meaning="the gap d"),
+    Bound(name="mu_d", value=eq.mu_s, upper=True, excluded=False, meaning="which is mu_s"),
+)
 
 
 @cache

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import inspect
 from functools import lru_cache
-from typing import NamedTuple
+from types import CodeType
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator.terms.base import Function
+from mems_impact.export.verilog_a import Array, Index, VerilogStatements, text_of
 
-__all__ = ["COEFFICIENTS", "MIN_POINTS", "TableSpline", "coefficients", "spline_functions"]
+__all__ = [
+    "COEFFICIENTS",
+    "MIN_POINTS",
+    "VERILOG_A",
+    "TableSpline",
+    "coefficients",
+    "spline_functions",
+]
 
 MIN_POINTS = 4
 COEFFICIENTS = 6  # of an interval
@@ -111,17 +121,21 @@ def spline_functions(points: int, polynomials: int, count: int) -> TableSpline:
     """
     last = count - 1
 
+    def interval_of(x, p):  # type: ignore[no-untyped-def]
+        low, high = 0, last
+        while high - low > 1:
+            middle = (low + high) // 2
+            if x >= p[points + middle]:
+                low = middle
+            else:
+                high = middle
+        return low
+
     def locate(x, p):  # type: ignore[no-untyped-def]
         # Interval, position in it from 0 to 1, its length, and the distances beyond the table along
         # the Taylor polynomial and along its tangent.
         x_table = min(max(x, p[points]), p[points + last])
-        low, high = 0, last
-        while high - low > 1:
-            middle = (low + high) // 2
-            if x_table >= p[points + middle]:
-                low = middle
-            else:
-                high = middle
+        low = interval_of(x_table, p)
         h = p[points + low + 1] - p[points + low]
         max_offset = BEYOND_RATIO * (p[points + last] - p[points])
         cubic_offset = min(max(x - x_table, -max_offset), max_offset)
@@ -172,3 +186,26 @@ def spline_functions(points: int, polynomials: int, count: int) -> TableSpline:
         )
 
     return TableSpline(value, slope, integral)
+
+
+# --- Verilog-A, which has no arrays
+
+
+def interval_statements(code: VerilogStatements, interval_of: Any, x: Any, p: Array) -> Index:
+    """Append the statements of ``interval_of``; return its value."""
+    own = inspect.getclosurevars(interval_of).nonlocals
+    first, last = own["points"], own["last"]
+    interval = code.let("interval", 0.0)
+    for i in range(1, last):
+        code.add(f"if ({text_of(x)} >= {text_of(p[first + i])}) {interval.id} = {text_of(i)};")
+    return Index(interval, last)
+
+
+def _code_of_interval() -> CodeType:
+    locate = inspect.getclosurevars(spline_functions(0, 0, 0).value).nonlocals["locate"]
+    code: CodeType = inspect.getclosurevars(locate).nonlocals["interval_of"].__code__
+    return code
+
+
+VERILOG_A = {_code_of_interval(): interval_statements}
+"""Functions of splines that are not translated, by their code."""

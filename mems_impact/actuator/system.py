@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.limits import UNLIMITED, Bound, Limits
+from mems_impact._util.limits import UNLIMITED, Limits
 from mems_impact._util.units import Scales
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law
@@ -27,7 +27,7 @@ from mems_impact.actuator.drives.imported import VOLTAGES, imported
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.energy_accounting import accounts, sum_of
 from mems_impact.actuator.equations import X2
-from mems_impact.actuator.model import compose
+from mems_impact.actuator.model import bounds_of, compose
 from mems_impact.actuator.numerics import A, ActuatorNumerics
 from mems_impact.actuator.parameter_base import limits_of
 from mems_impact.actuator.parameters import PARAMETER_NAMES, ActuatorParameters
@@ -185,17 +185,8 @@ class ActuatorSystem(ActuatorNumerics[A]):
             generated=generated,
             numbers=(*model.numbers, *voltages),
             inputs=(*inputs, *(number.name for number in voltages)),
-            bounds=self._number_bounds,
+            bounds=bounds_of(self._kinds),
         )
-
-    @property
-    def _number_bounds(self) -> tuple[Bound, ...]:
-        """Bounds that numbers of the device set for each other."""
-        found, first = list(ORDERED), len(PARAMETER_NAMES)
-        for kind in self._kinds:
-            found += kind.term.bounds(kind.indices(first), kind.shape, self._yields)
-            first += kind.length
-        return tuple(found)
 
     def _limits(self, name: str) -> Limits:
         """Return the range of a parameter."""
@@ -349,23 +340,6 @@ def own_functions(drive: Drive) -> dict[str, str]:
         elif callable(value):
             found[name] = reference(value)
     return found
-
-
-# --- Bounds of parameters by others
-
-
-def _gap(p: Any) -> Any:
-    return p[eq.D]
-
-
-def _static_friction(p: Any) -> Any:
-    return p[eq.MU_S]
-
-
-ORDERED = (
-    Bound(name="delta", value=_gap, upper=True, meaning="the gap d"),
-    Bound(name="mu_d", value=_static_friction, upper=True, excluded=False, meaning="which is mu_s"),
-)
 
 
 @cache

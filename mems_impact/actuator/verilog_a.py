@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
+import ast
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from annotated_types import Ge, Gt, Le, Lt
 from pydantic.fields import FieldInfo
 
 from mems_impact._util.files import file_path, replacing
-from mems_impact._util.limits import BOUND_RTOL
+from mems_impact._util.limits import BOUND_RTOL, Bound
+from mems_impact._util.units import DIMENSIONLESS
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.equations import STATES, V1, V2, X1, X2
+from mems_impact.actuator.model import Model, bounds_of, compose
+from mems_impact.actuator.parameter_base import limits_of
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, ActuatorParameters
+from mems_impact.actuator.splines import VERILOG_A
+from mems_impact.actuator.terms.base import Electrode, Function, Term
 from mems_impact.actuator.terms.compliant_stopper import CompliantStopper
-from mems_impact.actuator.terms.dielectric_charging import DielectricCharging
 from mems_impact.actuator.terms.regularized_friction import RegularizedFriction
-from mems_impact.actuator.terms.series_resistance import SeriesResistance
-from mems_impact.actuator.terms.table import TableTerm
-from mems_impact.actuator.verilog_a_code import (
-    PARALLEL,
-    ModuleState,
-    PlateCode,
-    Side,
-    TermCode,
-    function,
-)
 from mems_impact.errors import InvalidParameter
+from mems_impact.export.verilog_a import Array, VerilogStatements, text_of, tree_of
 
 __all__ = ["verilog_a", "write_verilog_a"]
 
@@ -39,60 +37,50 @@ MAX_STEP = 0.1  # longest step in units of 1/w0
 SMOOTH_TERMS = CompliantStopper, RegularizedFriction
 """Terms that make contact and friction smooth functions of the state."""
 
+STATE_UNITS = dict(zip(STATES, ("m", "m/s", "m", "m/s"), strict=True))
+SCALES = {
+    "": "1.0", "m": "d", "m/s": "(d*w0)", "V": "sqrt(k*d*d*d/alpha)", "C": "sqrt(k*d*alpha)",
+}  # fmt: skip
+"""Scales of the states of the simulator, by SI unit."""
 
-# --- The module
+PORTS = "p", "n", "left", "block", "frame", "electrode", "left_electrode"
+VOLTAGES = "V(electrode)", "V(left_electrode)"
+
+
+# --- The equations
 
 
 @dataclass(frozen=True)
 class Layout:
-    """The contributions to the module of a device."""
+    """The equations of a device, and the names of its arrays in the module."""
 
     actuator: ActuatorParameters
-    codes: tuple[TermCode, ...]
-    sides: tuple[Side, ...]
-    series: bool
-    charging: bool
-
-    def every(self, name: str) -> list[Any]:
-        """Return a contribution of all terms that have it."""
-        return [found for code in self.codes if (found := getattr(code, name))]
-
-    def plate(self, side: Side) -> PlateCode:
-        """Return the electrode on a side."""
-        for term, code in zip(self.actuator.terms, self.codes, strict=True):
-            if code.plate is not None and type(term).acts_at(term.shape, side.sign):
-                return code.plate
-        return PARALLEL
-
-    def sum_of(self, name: str) -> str:
-        """Return the sum of a contribution, each with its sign."""
-        return "".join(f" {part}" for part in self.every(name))
+    model: Model
+    p: Array  # numbers of tables, and names of other parameters
 
     @property
-    def states(self) -> tuple[ModuleState, ...]:
-        """All states."""
-        return (
-            ModuleState("x1", "d", "v1", "x1_0"),
-            ModuleState("v1", "(d*w0)", "a1", "v1_0"),
-            ModuleState("x2", "d", "v2", "x2_0"),
-            ModuleState("v2", "(d*w0)", "a2", "v2_0"),
-            *(state for code in self.codes for state in code.states),
-            *(state for side in self.sides for state in electrode_states(self, side)),
-        )
+    def y(self) -> Array:
+        """Names of the states."""
+        return Array(map(ast.Name, self.model.layout.states))
 
+    @property
+    def states(self) -> list[str]:
+        """Names of the states of the module; it has no states that only accumulate."""
+        names, sums = self.model.layout.states, self.model.cyclic
+        return [name for i, name in enumerate(names) if i == X1 or i not in sums]
 
-def electrode_states(layout: Layout, side: Side) -> list[ModuleState]:
-    """Return charge and offset of an electrode."""
-    found = []
-    node = f"{side.prefix}node"
-    if layout.series:
-        current = f"source_current({side.voltage} - {node})"
-        found.append(ModuleState(f"{side.prefix}charge", "charge_unit", current))
-    if layout.charging:
-        offset = f"{side.prefix}offset"
-        rate = f"(dielectric_charging_share*{node} - {offset})/dielectric_charging_time"
-        found.append(ModuleState(offset, "voltage_unit", rate))
-    return found
+    def scale(self, state: str) -> str:
+        """Return the scale of a state of the simulator."""
+        units = dict(STATE_UNITS)
+        for term in self.actuator.terms:
+            units |= term.units
+        return SCALES[units.get(state.removeprefix("left_"), "")]
+
+    @property
+    def symbols(self) -> set[str]:
+        """Names that variables cannot have."""
+        parameters = (each.id for each in list(self.p) if isinstance(each, ast.Name))
+        return {*KEYWORDS, *PORTS, *parameters, *INITIAL, *self.model.layout.states}
 
 
 def layout_of(actuator: ActuatorParameters, electrodes: int) -> Layout:
@@ -106,24 +94,23 @@ def layout_of(actuator: ActuatorParameters, electrodes: int) -> Layout:
             "add these terms, or export an FMU"
         )
         raise InvalidParameter("terms", names or None, "", problem=problem)
-    codes = [term.verilog_a() for term in actuator.terms]
-    named = zip(actuator.terms, codes, strict=True)
-    refuse([term.name() for term, code in named if code is None])
-    sides = (Side("", 1, "V(electrode)"), Side("left_", -1, "V(left_electrode)"))
-    return Layout(
-        actuator=actuator,
-        codes=tuple(code for code in codes if code is not None),
-        sides=sides[:electrodes],
-        series=SeriesResistance in kinds,
-        charging=DielectricCharging in kinds,
-    )
+    model = compose(tuple(term.kind for term in actuator.terms), electrodes)
+    named = zip(actuator.terms, model.contributions, strict=True)
+    refuse([t.name() for t, part in named if t.drive_unit != "V" or part.driven_clamp])
+    p = [ast.Name(name) for name in PARAMETER_NAMES]
+    for term in actuator.terms:
+        numbers = iter(term.numbers(DIMENSIONLESS))
+        for name, length in term.kind.lengths.items():
+            own: list[Any] = [next(numbers) for _ in range(length)]
+            p += [ast.Name(f"{term.name()}_{name}")] if name in term.names else own
+    return Layout(actuator, model, Array(p))
 
 
-def refuse(names: Sequence[str]) -> None:
-    """Raise InvalidParameter if there are terms, or numbers of them, without a Verilog-A form."""
-    if names:
-        terms = dict.fromkeys(name.partition(".")[0] for name in names)
-        calls = ", ".join(f'"{term}"' for term in terms)
+def refuse(terms: Sequence[str]) -> None:
+    """Raise InvalidParameter if there are terms without a Verilog-A form."""
+    if terms:
+        names = dict.fromkeys(terms)
+        calls = ", ".join(f'"{name}"' for name in names)
         problem = (
             f"no Verilog-A form; export actuator.without({calls}), and put the "
             "source in the circuit"
@@ -131,126 +118,113 @@ def refuse(names: Sequence[str]) -> None:
         raise InvalidParameter("terms", ", ".join(names), "", problem=problem)
 
 
-class Text:
-    """Statements of the analog block, and the variables that they assign."""
+def load_of(model: Model) -> Function:
+    """Return the force of the block on the frame, with the contact with a stopper."""
+    pull, force = model.pull, model.force
+    stopper: Any = model.stopper
+    adhesion = model.adhesion or without_adhesion
 
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-        self.variables: dict[str, None] = {}
+    def contact(x2, v2, p):  # type: ignore[no-untyped-def]
+        sign = 1.0 if x2 > 0.0 else -1.0
+        depth = sign * x2 - p[eq.DELTA]
+        return sign * (stopper(depth, sign * v2, p) - adhesion(p)) if depth > 0.0 else 0.0
 
-    def add(self, *lines: str) -> None:
-        """Append lines."""
-        self.lines += lines
+    def load(v, w, y, p):  # type: ignore[no-untyped-def]
+        inner = eq.load(y[X2], y[V2], pull(v, w, y, p), p) + contact(y[X2], y[V2], p)
+        return inner - force(y, p)
 
-    def let(self, name: str, expression: str) -> None:
-        """Append an assignment."""
-        self.variables.setdefault(name)
-        self.lines.append(f"{name} = {expression};")
-
-    def note(self, text: str) -> None:
-        """Append a comment after an empty line."""
-        self.lines += ["", f"// {text}"]
+    return load
 
 
-def analog_block(layout: Layout) -> Text:
+def without_adhesion(p):  # type: ignore[no-untyped-def]
+    """Return 0."""
+    return 0.0
+
+
+def accelerations_of(model: Model) -> tuple[Function, Function]:
+    """Return the accelerations of the frame, and of the block in the frame.
+
+    They are functions of the load and of the forces at the ports.
+    """
+    on_frame, on_block, friction = model.on_frame, model.on_block, model.friction
+    normal_force = model.normal_force
+
+    def a1(load, applied, y, p):  # type: ignore[no-untyped-def]
+        outside = applied + on_frame(y, p)
+        return (load + outside - friction(y[V1], p) * normal_force(0.0, 0.0, 0.0, p)) / p[eq.M1]
+
+    def a2(load, applied, of_frame, y, p):  # type: ignore[no-untyped-def]
+        return (applied + on_block(y, p) - load) / p[eq.M2] - of_frame
+
+    return a1, a2
+
+
+def analog_block(layout: Layout) -> VerilogStatements:
     """Return the analog block."""
-    text = Text()
-    add_constants(text, layout)
-    text.note("State and forces, Equations (1) to (3)")
-    for state in layout.states:
-        text.let(state.name, f"{state.unit}*State(n_{state.name})")
-    add_accelerations(text, layout)
-    text.note("Integrators")
-    for state in layout.states:
-        rate = f"({state.rate})/{state.unit}"
-        text.add(f"State(n_{state.name}) <+ idt({rate}, {state.start}/{state.unit});")
-    add_ports(text, layout)
-    return text
+    model, p, y = layout.model, layout.p, layout.y
+    code = VerilogStatements(layout.symbols, VERILOG_A)
+    code.let("w0", ast.Name("sqrt(k/m2)"))
+    code.add("", "// State and forces, Equations (1) to (3)")
+    for name in layout.states:
+        code.variables.append(name)
+        code.add(f"{name} = {layout.scale(name)}*State(n_{name});")
+    v, w = (*map(ast.Name, VOLTAGES[: len(model.electrodes)]), 0.0)[:2]
+    load = code.call(load_of(model), v, w, y, p)
+    of_frame, of_block = accelerations_of(model)
+    a1 = code.call(of_frame, load, ast.Name("F(frame)"), y, p)
+    a2 = code.call(of_block, load, ast.Name("F(block)"), a1, y, p)
+    rates = dict(zip(STATES, (y.item(V1), a1, y.item(V2), a2), strict=True))
+    limits = {each.state: each.limit.max_rate for each in model.limits}
+    for i, rate in enumerate(model.rates, start=len(STATES)):
+        if (name := model.layout.states[i]) in layout.states:
+            rates[name] = code.call(rate, v, w, y, p)
+            if i in limits:
+                rates[name] = code.call(limited, rates[name], limits[i], p)
+    code.add("", "// Integrators")
+    for name in layout.states:
+        scale, start = layout.scale(name), f"{name}_0" if name in STATES else "0.0"
+        code.add(f"State(n_{name}) <+ idt(({text_of(rates[name])})/{scale}, {start}/{scale});")
+    add_ports(code, layout, rates)
+    return code
 
 
-def add_constants(text: Text, layout: Layout) -> None:
-    """Append variables that depend on parameters alone."""
-    text.let("w0", "sqrt(k/m2)")
-    factors = "".join(f"*{factor}" for factor in layout.every("weight_factor"))
-    clamps = "".join(f" + {clamp}" for clamp in layout.every("clamp"))
-    text.let("normal", f"(m1 + m2)*g{factors}{clamps}")
-    if layout.series:
-        text.let("charge_unit", "sqrt(k*d*alpha)")
-    if layout.charging:
-        text.let("voltage_unit", "sqrt(k*d*d*d/alpha)")
-    for constants in layout.every("constants"):
-        for name, expression in constants:
-            text.let(name, expression)
+def limited(rate, max_rate, p):  # type: ignore[no-untyped-def]
+    """Return a rate within its limit."""
+    return min(max(rate, -max_rate(p)), max_rate(p))
 
 
-def add_accelerations(text: Text, layout: Layout) -> None:
-    """Append forces and accelerations, Equations (1) to (3)."""
-    pulls = []
-    for side in layout.sides:
-        prefix, node = side.prefix, side.voltage
-        offset = f"{prefix}offset" if layout.charging else ""
-        text.let(f"{prefix}cap", f"{prefix}capacitance({side.position})")
-        if layout.series:
-            trapped = f" + {prefix}cap*{offset}" if offset else ""
-            total = f"({prefix}cap + series_resistance_parasitic_capacitance)"
-            node = f"({prefix}charge{trapped})/{total}"
-        if layout.series or layout.charging:
-            text.let(f"{prefix}node", node)
-            node = f"{prefix}node"
-        across = f"{prefix}across"
-        text.let(across, f"{node} - {offset}" if offset else node)
-        pulls.append(f"0.5*{prefix}capacitance_slope({side.position})*{across}*{across}")
-    text.let("pull", " - ".join(pulls))
-    inner = layout.sum_of("force").strip()
-    restoring = f"k*x2 + c*v2 - pull + stopper_load(x2, v2){f' - ({inner})' if inner else ''}"
-    text.let("load", restoring)
-    for name in ("frame", "block"):
-        text.let(f"on_{name}", f"F({name}){layout.sum_of(f'on_{name}')}")
-    text.let("a1", "(load + on_frame - friction(v1)*normal)/m1")
-    text.let("a2", "(on_block - load)/m2 - a1")
-
-
-def add_ports(text: Text, layout: Layout) -> None:
+def add_ports(code: VerilogStatements, layout: Layout, rates: dict[str, Any]) -> None:
     """Append the contributions to the ports."""
-    text.note("Ports")
-    text.add("Pos(frame) <+ x1;", "Pos(block) <+ x1 + x2;")
-    for side in layout.sides:
-        prefix = side.prefix
-        current = f"ddt({prefix}cap*{prefix}across)"
-        if layout.series:
-            current = f"source_current({side.voltage} - {prefix}node)"
-        text.add(f"{side.voltage.replace('V(', 'I(')} <+ {current};")
-    text.add(f"$bound_step({MAX_STEP}/w0);")
+    code.add("", "// Ports", "Pos(frame) <+ x1;", "Pos(block) <+ x1 + x2;")
+    y, p = layout.y, layout.p
+    for electrode, voltage, prefix in zip(layout.model.electrodes, VOLTAGES, ("", "left_"),
+                                          strict=False):  # fmt: skip
+        current = rates.get(f"{prefix}charge")
+        if current is None:
+            charge = code.call(charge_of(electrode), ast.Name(voltage), y, p)
+            current = ast.Name(f"ddt({text_of(charge)})")
+        code.add(f"{voltage.replace('V(', 'I(')} <+ {text_of(current)};")
+    code.add(f"$bound_step({MAX_STEP}/w0);")
 
 
-# --- Functions, parameters and the file
+def charge_of(electrode: Electrode) -> Function:
+    """Return the charge of an electrode in its gap."""
+    capacitance, node, offset, side = (
+        electrode.capacitance, electrode.node, electrode.offset, electrode.side,
+    )  # fmt: skip
+
+    def gap_charge(v, y, p):  # type: ignore[no-untyped-def]
+        x = side * y[X2]
+        return capacitance(x, p) * (node(v, x, y, p) - offset(y, p))
+
+    return gap_charge
 
 
-def functions_of(layout: Layout) -> list[str]:
-    """Return the functions of the module."""
-    found = [
-        function("electrode_gap", "x", "electrode_gap = d - min(x, 0.5*(delta + d));"),
-        *(text for code in layout.codes for text in code.functions),
-    ]
-    for side in layout.sides:
-        plate, name = layout.plate(side), f"{side.prefix}capacitance"
-        for own, body in ((name, plate.capacitance), (f"{name}_slope", plate.slope)):
-            found.append(function(own, "x", body.replace("NAME", own), plate.variables))
-    adhesion = "".join(f" - {part}" for part in layout.every("adhesion"))
-    found.append(
-        function(
-            "stopper_load",
-            "x, v",
-            "sign = (x > 0.0) ? 1.0 : -1.0;\n"
-            "depth = sign*x - delta;\n"
-            f"stopper_load = (depth > 0.0) ? sign*(stopper(depth, sign*v){adhesion}) : 0.0;",
-            "sign, depth",
-        )
-    )
-    return found
+# --- Parameters and the file
 
 
-INITIAL = {"x1_0": "position", "v1_0": "velocity", "x2_0": "position", "v2_0": "velocity"}
+INITIAL = {f"{name}_0": name for name in STATES}
+"""Parameters of the initial state, and their states."""
 
 RESERVED = """
 above abs absdelay absdelta ac_stim access acos acosh aliasparam always analog analysis and
@@ -283,75 +257,60 @@ def module_name(path: str | PathLike[str]) -> str:
     return name
 
 
-def range_of(field: FieldInfo) -> str:
-    """Return the range of a field."""
-    low, high = "(-inf", "inf)"
-    for each in field.metadata:
-        if isinstance(each, Gt):
-            low = f"({number(each.gt)}"
-        elif isinstance(each, Ge):
-            low = f"[{number(each.ge)}"
-        elif isinstance(each, Lt):
-            high = f"{number(each.lt)})"
-        elif isinstance(each, Le):
-            high = f"{number(each.le)}]"
-    return f"{low}:{high}"
+def bounds_in(layout: Layout) -> dict[str, list[tuple[Bound, str]]]:
+    """Return the bounds that parameters set for each other, by name in the module."""
+    found: dict[str, list[tuple[Bound, str]]] = {}
+    for bound in bounds_of(tuple(term.kind for term in layout.actuator.terms)):
+        name = bound.name.replace(".", "_")
+        value = VerilogStatements((), named=False).call(bound.value, layout.p)
+        if not bound.excluded:
+            outwards = 1.0 + BOUND_RTOL if bound.upper else 1.0 - BOUND_RTOL
+            value = ast.BinOp(ast.Constant(outwards), ast.Mult(), tree_of(value))
+        if not re.search(rf"\b{name}\b", text_of(value)):  # else it holds, as of a table's slope
+            found.setdefault(name, []).append((bound, text_of(value)))
+    return found
 
 
-def number(value: Any) -> str:
-    """Return a number as a real literal."""
-    return repr(float(value))
+def range_of(field: FieldInfo, bounds: Sequence[tuple[Bound, str]] = ()) -> str:
+    """Return the range of a number with bounds by other numbers."""
+    limits = limits_of(field)
+    low, high = repr(float(limits.low)), repr(float(limits.high))
+    open_ = limits.low_excluded or low == "-inf"
+    closed = not (limits.high_excluded or high == "inf")
+    for bound, value in bounds:
+        if bound.upper:
+            high, closed = value if high == "inf" else f"min({high}, {value})", not bound.excluded
+        else:
+            low, open_ = value, bound.excluded
+    return f"{'(' if open_ else '['}{low}:{high}{']' if closed else ')'}"
 
 
-def term_numbers(actuator: ActuatorParameters) -> list[tuple[str, str]]:
-    """Return the numbers of terms, by name, and their names in the module."""
-    return [
-        (f"{term.name()}.{name}", f"{term.name()}_{name}")
-        for term in actuator.terms
-        for name in term.names
-    ]
-
-
-def bounded_ranges(layout: Layout) -> dict[str, str]:
-    """Return the ranges of parameters that depend on others."""
-    ranges = {"mu_d": "[0.0:mu_s]"} | {
-        name: limits for each in layout.every("ranges") for name, limits in each
-    }
-    tables = [term.positions for term in layout.actuator.terms if isinstance(term, TableTerm)]
-    most = "d"
-    if tables:
-        end = number((1.0 + BOUND_RTOL) * min(min(-x[0], x[-1]) for x in tables))
-        most = f"min(d, 2.0*{end} - d)"
-    return {**ranges, "delta": f"(0.0:{most})"}
+def term_numbers(actuator: ActuatorParameters) -> list[tuple[Term, str, str]]:
+    """Return the terms with the names of each of their numbers, there and in the module."""
+    return [(t, name, f"{t.name()}_{name}") for t in actuator.terms for name in t.names]
 
 
 def parameters_of(layout: Layout) -> list[str]:
     """Return the declarations of parameters, each with unit and range."""
-    actuator = layout.actuator
-    ranges = bounded_ranges(layout)
-    found = []
+    actuator, bounds, found = layout.actuator, bounds_in(layout), []
 
-    def declare(name: str, value: str, limits: str, comment: str) -> None:
-        found.append(f"  parameter real {name} = {value} from {limits};  // {comment}")
+    def declare(name: str, value: float, limits: str, comment: str, unit: str) -> None:
+        value_text = repr(float(value))
+        found.append(
+            f"  parameter real {name} = {value_text} from {limits};  // {comment} [{unit or '-'}]"
+        )
 
-    fields = type(actuator).model_fields
     for name in PARAMETER_NAMES:
-        unit = actuator.unit_of(name) or "-"
-        limits = ranges.get(name) or range_of(fields[name])
-        comment = f"{PARAMETER_MEANINGS.get(name, name)} [{unit}]"
-        declare(name, number(getattr(actuator, name)), limits, comment)
-    for term in actuator.terms:
-        names = {name: f"{term.name()}_{name}" for name in term.names}
-        # A range refers to parameters that are declared before.
-        for name in sorted(term.names, key=lambda name: names[name] in ranges):
-            limits = ranges.get(names[name]) or range_of(type(term).model_fields[name])
-            comment = f"{type(term).__name__} [{term.units.get(name, '-')}]"
-            declare(names[name], number(getattr(term, name)), limits, comment)
-    for name, kind in INITIAL.items():
-        frame = "the frame" if name[1] == "1" else "the block in the frame"
+        limits = range_of(type(actuator).model_fields[name], bounds.get(name, ()))
+        meaning = PARAMETER_MEANINGS.get(name, name)
+        declare(name, getattr(actuator, name), limits, meaning, actuator.unit_of(name))
+    # A range refers to parameters that are declared before.
+    for term, own, name in sorted(term_numbers(actuator), key=lambda each: each[2] in bounds):
+        limits = range_of(type(term).model_fields[own], bounds.get(name, ()))
+        declare(name, getattr(term, own), limits, type(term).__name__, term.units.get(own, ""))
+    for name, state in INITIAL.items():
         limits = "[-delta:delta]" if name == "x2_0" else "(-inf:inf)"
-        unit = "m" if kind == "position" else "m/s"
-        declare(name, "0.0", limits, f"initial {kind} of {frame} [{unit}]")
+        declare(name, 0.0, limits, f"initial {MEANINGS[state]}", STATE_UNITS[state])
     return found
 
 
@@ -407,31 +366,32 @@ def verilog_a(actuator: ActuatorParameters, name: str, electrodes: int = 1) -> s
                 "electrodes", electrodes, f"2: {term.name()} acts at the left electrode"
             )
     block = analog_block(layout)
-    functions = functions_of(layout)
-    code = "\n".join([*functions, *block.lines])
-    refuse(
-        [name for name, symbol in term_numbers(actuator) if not re.search(rf"\b{symbol}\b", code)]
-    )
+    used = set(re.findall(r"\w+", "\n".join(block.lines)))
+    refuse([term.name() for term, _, symbol in term_numbers(actuator) if symbol not in used])
     left = "left, " if electrodes == 2 else ""
     words = [term.name() for term in actuator.terms]
-    lines = [header(layout, left, words)]
-    lines += [
+    lines = [
+        header(layout, left, words),
         f"module {name}(p, {left}n, block, frame);",
         f"  inout p, {left}n, block, frame;",
         f"  electrical p, {left}n;",
         "  kinematic block, frame;",
         "  branch (p, n) electrode;",
+        *(["  branch (left, n) left_electrode;"] if left else []),
+        "",
+        *declared("mems_impact_state", [f"n_{state}" for state in layout.states]),
+        "",
+        *parameters_of(layout),
+        "",
+        *(f'  (* desc="{meaning}" *) real {own};' for own, meaning in MEANINGS.items()),
+        *declared("real", [own for own in block.variables if own not in MEANINGS]),
+        "",
+        "  analog begin",
+        *(f"    {line}" if line else "" for line in block.lines),
+        "  end",
+        "endmodule",
+        "",
     ]
-    if left:
-        lines.append("  branch (left, n) left_electrode;")
-    lines.append("")
-    lines += wrapped("mems_impact_state", [f"n_{state.name}" for state in layout.states])
-    lines += ["", *parameters_of(layout), ""]
-    lines += [f'  (* desc="{MEANINGS[name]}" *) real {name};' for name in MEANINGS]
-    lines += wrapped("real", [name for name in block.variables if name not in MEANINGS])
-    lines += ["", "\n\n".join(functions), "", "  analog begin"]
-    lines += [f"    {line}" if line else "" for line in block.lines]
-    lines += ["  end", "endmodule", ""]
     return "\n".join(lines)
 
 
@@ -452,15 +412,10 @@ def power_of_ten(value: float) -> str:
     return f"1e{math.floor(math.log10(value))}"
 
 
-def wrapped(kind: str, names: Iterable[str]) -> list[str]:
+def declared(kind: str, names: Iterable[str]) -> list[str]:
     """Return declarations of variables, several per line."""
-    lines, row = [], ""
-    for name in names:
-        if row and len(row) + len(name) > 80:
-            lines.append(row)
-            row = ""
-        row = f"{row}, {name}" if row else name
-    return [f"  {kind} {each};" for each in [*lines, *([row] if row else [])]]
+    rows = textwrap.wrap(", ".join(names), 88)
+    return [f"  {kind} {row.rstrip(',')};" for row in rows]
 
 
 def write_verilog_a(

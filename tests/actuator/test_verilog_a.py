@@ -57,7 +57,7 @@ SMOOTH_TERMS = {
 SMOOTH = MITA.adding(*SMOOTH_TERMS.values())
 KNOWN = {*TERMS, *ELECTRODES, *SMOOTH_TERMS, *OF_THE_SOURCE}
 FURTHER = (fitting_term(name, MITA) for name in TERM_CLASSES if name not in KNOWN)
-TERMS |= {term.name(): term for term in FURTHER if term.verilog_a() is not None}
+TERMS |= {"clamp": mi.Clamp(force=1e-4)}
 
 
 def test_terms_of_the_source_are_refused():
@@ -90,11 +90,15 @@ class Extended(mi.Tilt):
     """A term of the package with another rule."""
 
 
-@pytest.mark.parametrize("term", [Mystery(), Extended(angle=0.1)])
-def test_terms_of_users_are_refused_by_name(term):
+def test_terms_that_do_not_act_are_refused_by_name():
     with pytest.raises(InvalidParameter, match="no Verilog-A form") as caught:
-        verilog_a(SMOOTH.adding(term), "dev")
-    assert term.name() in str(caught.value)
+        verilog_a(SMOOTH.adding(Mystery()), "dev")
+    assert Mystery.name() in str(caught.value)
+
+
+def test_terms_of_users_are_translated():
+    text = verilog_a(SMOOTH.adding(Extended(angle=0.1)), "dev")
+    assert "= cos(test_verilog_a_angle);" in text
 
 
 def test_dimensionless_device_is_refused_with_the_remedy(tmp_path):

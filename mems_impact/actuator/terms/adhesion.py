@@ -7,7 +7,6 @@ from mems_impact.actuator.equations import X2
 from mems_impact.actuator.parameter_base import NonNegative
 from mems_impact.actuator.plausible_ranges import FORCE
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
-from mems_impact.actuator.verilog_a_code import TermCode
 
 __all__ = ["Adhesion"]
 
@@ -59,7 +58,3 @@ class Adhesion(Term):
             return -p[force] * max(abs(y[X2]) - p[eq.DELTA], 0.0)
 
         return TermContribution(adhesion=adhesion, energy=energy)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        return TermCode(adhesion="adhesion_force")

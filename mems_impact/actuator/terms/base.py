@@ -39,7 +39,6 @@ from mems_impact.systems.observables import EventObserver
 
 if TYPE_CHECKING:
     from mems_impact.actuator.drives.base import Drive
-    from mems_impact.actuator.verilog_a_code import TermCode
 
 __all__ = [
     "Device",
@@ -246,10 +245,6 @@ class Term(Checked, ABC):
     def from_table(cls, values: Mapping[str, Any], folder: Path) -> Self:
         """Return the term of a table in a device file; paths are relative to `folder`."""
         return cls(**values)
-
-    def verilog_a(self) -> TermCode | None:
-        """Return its contributions to a Verilog-A module; None if it has no such form."""
-        return None
 
     @classmethod
     def acts_at(cls, shape: Shape, side: int) -> bool:

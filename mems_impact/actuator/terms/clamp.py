@@ -5,7 +5,6 @@ from __future__ import annotations
 from mems_impact.actuator.parameter_base import NonNegative
 from mems_impact.actuator.plausible_ranges import CLAMP
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
-from mems_impact.actuator.verilog_a_code import TermCode
 
 __all__ = ["Clamp"]
 
@@ -54,7 +53,3 @@ class Clamp(Term):
             return p[force]
 
         return TermContribution(clamp=clamp)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        return TermCode(clamp="clamp_force")

@@ -16,7 +16,6 @@ from mems_impact.actuator.terms.base import (
     drive_unit,
 )
 from mems_impact.actuator.terms.comb_drive import PERMITTIVITY, CombDrive, check_permittivity
-from mems_impact.actuator.verilog_a_code import TermCode
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["ClampElectrode"]
@@ -124,11 +123,3 @@ class ClampElectrode(Term):
         if follows in driven:
             return TermContribution(driven_clamp=driven[follows])
         return TermContribution(clamp=constant)
-
-    def verilog_a(self) -> TermCode | None:
-        """Return its contributions to a Verilog-A module: of a constant voltage only."""
-        if self.follows != "nothing":
-            return None
-        numbers = {name: f"clamp_electrode_{name}" for name in type(self).model_fields}
-        force = "0.5*{permittivity}*{area}*{voltage}*{voltage}/({gap}*{gap})"
-        return TermCode(clamp=force.format(**numbers))

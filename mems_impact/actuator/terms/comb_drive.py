@@ -15,21 +15,12 @@ from mems_impact.actuator.terms.base import (
     Term,
     reach_function,
 )
-from mems_impact.actuator.verilog_a_code import PlateCode, TermCode
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["CombDrive"]
 
 PERMITTIVITY = 8.8541878188e-12  # of vacuum [F/m], CODATA 2022
 MIN_OVERLAP_RATIO = 1e-6  # of the overlap at x2 = 0
-
-_COMB = "2.0*comb_drive_fingers*comb_drive_permittivity*comb_drive_thickness/comb_drive_gap"
-
-_PLATE = PlateCode(
-    f"NAME = {_COMB}*max(comb_drive_overlap + x, {MIN_OVERLAP_RATIO}*comb_drive_overlap);",
-    f"NAME = {_COMB};",
-    "",
-)
 
 
 class CombDrive(Term):
@@ -129,10 +120,6 @@ class CombDrive(Term):
             return slope(x, p) * max(p[overlap] + x, MIN_OVERLAP_RATIO * p[overlap])
 
         return electrode._replace(capacitance=capacitance, slope=slope)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        return TermCode(plate=_PLATE, ranges=(("comb_drive_overlap", "(0.5*(d + delta):inf)"),))
 
 
 def check_permittivity(term: Any, actuator: Device) -> None:

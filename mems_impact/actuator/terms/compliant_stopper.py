@@ -12,14 +12,8 @@ from mems_impact.actuator.equations import V2, X2
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.actuator.plausible_ranges import PER_SPEED, Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
-from mems_impact.actuator.verilog_a_code import TermCode, function
 
 __all__ = ["CompliantStopper"]
-
-_LAW = """\
-stopper = compliant_stopper_stiffness*depth
-  *pow(depth/compliant_stopper_depth, compliant_stopper_exponent - 1.0)
-  *max(1.0 + 1.5*compliant_stopper_damping*rate, 0.0);"""
 
 
 class CompliantStopper(Term):
@@ -121,7 +115,3 @@ class CompliantStopper(Term):
             energy=energy,
             dissipation=dissipation,
         )
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        return TermCode(functions=(function("stopper", "depth, rate", _LAW),))

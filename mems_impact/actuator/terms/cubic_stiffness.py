@@ -6,7 +6,6 @@ from mems_impact.actuator.equations import X2
 from mems_impact.actuator.parameter_base import Number
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
-from mems_impact.actuator.verilog_a_code import TermCode
 
 __all__ = ["CubicStiffness"]
 
@@ -57,7 +56,3 @@ class CubicStiffness(Term):
             return 0.25 * p[k3] * y[X2] ** 4
 
         return TermContribution(force=force, energy=energy)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        return TermCode(force="- cubic_stiffness_k3*x2*x2*x2")

@@ -9,7 +9,6 @@ from pydantic import Field
 from mems_impact.actuator.parameter_base import Number, Positive
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import Electrode, Function, ParameterIndices, Shape, Term
-from mems_impact.actuator.verilog_a_code import TermCode
 
 __all__ = ["DielectricCharging"]
 
@@ -89,7 +88,3 @@ class DielectricCharging(Term):
             return (p[share] * node(v, x, y, p) - y[offset]) / p[time]
 
         return (charging,)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        return TermCode()  # its states are in `verilog_a.electrode_states`

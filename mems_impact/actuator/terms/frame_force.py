@@ -6,7 +6,6 @@ from mems_impact.actuator.equations import X1
 from mems_impact.actuator.parameter_base import Number
 from mems_impact.actuator.plausible_ranges import FORCE
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
-from mems_impact.actuator.verilog_a_code import TermCode
 
 __all__ = ["FrameForce"]
 
@@ -55,7 +54,3 @@ class FrameForce(Term):
             return p[load] * y[X1]
 
         return TermContribution(on_frame=on_frame, energy=energy)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        return TermCode(on_frame="- frame_force_force")

@@ -6,7 +6,6 @@ from mems_impact.actuator.equations import X1
 from mems_impact.actuator.parameter_base import NonNegative
 from mems_impact.actuator.plausible_ranges import STIFFNESS
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
-from mems_impact.actuator.verilog_a_code import TermCode
 
 __all__ = ["FrameSpring"]
 
@@ -59,7 +58,3 @@ class FrameSpring(Term):
             return 0.5 * p[k1] * y[X1] * y[X1]
 
         return TermContribution(on_frame=on_frame, energy=energy, depends_on_x1=True)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        return TermCode(on_frame="- frame_spring_k1*x1")

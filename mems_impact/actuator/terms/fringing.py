@@ -6,12 +6,11 @@ import math
 
 from pydantic import Field
 
-from mems_impact._util.limits import BOUND_RTOL, Bound
+from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Positive
 from mems_impact.actuator.plausible_ranges import ELECTRODE_LENGTH
 from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape, Term
-from mems_impact.actuator.verilog_a_code import GAP, PI, PlateCode, TermCode, function
 
 __all__ = ["Fringing"]
 
@@ -98,32 +97,6 @@ class Fringing(Term):
             return 2.0 * p[eq.ALPHA] * (factor / gap - factor_slope) / gap
 
         return electrode._replace(capacitance=capacitance, slope=slope)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        sizes = [f"fringing_{name}" for name in self.names]
-        factors = [f"fringe(gap, {size})" for size in sizes]
-        slopes = [f"fringe_slope(gap, {size})" for size in sizes]
-        by_gap = slopes[0]
-        if len(sizes) == 2:
-            by_gap = f"({slopes[0]}*{factors[1]} + {factors[0]}*{slopes[1]})"
-        product = "*".join(factors)
-        edge = f"fringe = 1.0 + gap/({PI}*size)*(1.0 + ln(2.0*{PI}*size/gap));"
-        edge_slope = f"fringe_slope = ln(2.0*{PI}*size/gap)/({PI}*size);"
-        return TermCode(
-            plate=PlateCode(
-                f"{GAP}NAME = 2.0*alpha*{product}/gap;",
-                f"{GAP}NAME = 2.0*alpha*({product}/gap - {by_gap})/gap;",
-                "gap",
-            ),
-            functions=(
-                function("fringe", "gap, size", edge),
-                function("fringe_slope", "gap, size", edge_slope),
-            ),
-            ranges=tuple(
-                (size, f"[{2.0 * (1.0 - BOUND_RTOL)!r}*(d + delta):inf)") for size in sizes
-            ),
-        )
 
 
 def fringe(gap: float, size: float) -> float:

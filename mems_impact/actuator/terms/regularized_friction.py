@@ -10,7 +10,6 @@ from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Positive
 from mems_impact.actuator.plausible_ranges import SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
-from mems_impact.actuator.verilog_a_code import TermCode, function
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 
@@ -19,8 +18,6 @@ __all__ = ["RegularizedFriction"]
 WIDTH_TOLERANCES = (
     1e3  # absolute tolerances in a width: loads of a thousandth of friction still have a sign
 )
-
-_LAW = "friction = mu_d*tanh(speed/regularized_friction_width);"
 
 
 class RegularizedFriction(Term):
@@ -85,7 +82,3 @@ class RegularizedFriction(Term):
             return p[eq.MU_D] * math.tanh(speed / p[width])
 
         return TermContribution(friction=friction, sticks=False)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        return TermCode(functions=(function("friction", "speed", _LAW),))

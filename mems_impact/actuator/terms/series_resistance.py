@@ -19,7 +19,6 @@ from mems_impact.actuator.terms.base import (
     Term,
     field_energy,
 )
-from mems_impact.actuator.verilog_a_code import TermCode, function
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 
@@ -28,13 +27,6 @@ __all__ = ["SeriesResistance"]
 # With a current limit, a time constant of 2 sqrt(rtol) of the motion gives the accuracy of rtol.
 RESOLVED_TIME = 5.0
 RESOLVED_CHARGE = 10.0  # charge of a current limit in a time constant, in absolute tolerances
-
-_SOURCE_CURRENT = {
-    False: "source_current = drop/series_resistance_resistance;",
-    True: """\
-source_current = min(max(drop/series_resistance_resistance,
-  -series_resistance_current_limit), series_resistance_current_limit);""",
-}
 
 
 class SeriesResistance(Term):
@@ -187,13 +179,6 @@ class SeriesResistance(Term):
             return (v - node(v, x, y, p)) * current(v, x, 0.0, y, p)
 
         return dissipation
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        body = _SOURCE_CURRENT[self.current_limit is not None]
-        return TermCode(  # its states are in `verilog_a.electrode_states`
-            functions=(function("source_current", "drop", body),)
-        )
 
 
 def current_of(indices: ParameterIndices, electrode: Electrode) -> Function:

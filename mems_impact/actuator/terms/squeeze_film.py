@@ -22,7 +22,6 @@ from mems_impact.actuator.terms.base import (
     TermContribution,
     ValidityLimit,
 )
-from mems_impact.actuator.verilog_a_code import PI, ModuleState, Side, TermCode, function
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["SqueezeFilm"]
@@ -164,51 +163,6 @@ class SqueezeFilm(Term):
             energy=total_of([film.energy for film in films]),
             dissipation=total_of([film.dissipation for film in films]),
             limits=(*(film.limit for film in films), knudsen_limit),
-        )
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        sizes = film_sizes(self.modes)
-        states, forces = [], []
-        for prefix, sign in (("", 1), ("left_", -1)) if self.sides == "both" else (("", 1),):
-            side = Side(prefix, sign, "")
-            names = [f"{prefix}film_{i + 1}" for i in range(len(sizes))]
-            filling = " + ".join(
-                f"{part!r}*{name}" for name, (part, _) in zip(names, sizes, strict=True)
-            )
-            gap = f"electrode_gap({side.position})"
-            forces.append(f"{'-' if sign > 0 else '+'} film_stiffness*({filling})/{gap}")
-            states += [
-                ModuleState(name, "d", film_rate(side, name, f"film_size_{i + 1}"))
-                for i, name in enumerate(names)
-            ]
-
-        return TermCode(
-            force=" ".join(forces),
-            states=tuple(states),
-            functions=(
-                function(
-                    "film_size",
-                    "along, across",
-                    f"film_size = 1.0/({PI}*{PI}*(pow(along/squeeze_film_length, 2)\n"
-                    "  + pow(across/squeeze_film_width, 2)));",
-                ),
-                function(
-                    "film_mobility",
-                    "gap",
-                    "knudsen = squeeze_film_free_path_pressure/(squeeze_film_pressure*gap);\n"
-                    "rarefied = (knudsen > 0.0) ? 1.0 + 9.638*pow(knudsen, 1.159) : 1.0;\n"
-                    "film_mobility = squeeze_film_pressure*gap*gap*rarefied\n"
-                    "  /(12.0*squeeze_film_viscosity);",
-                    "knudsen, rarefied",
-                ),
-            ),
-            constants=(
-                ("film_stiffness", "squeeze_film_length*squeeze_film_width*squeeze_film_pressure"),
-                ("film_ratio", f"0.5*{PI}*squeeze_film_length/squeeze_film_width"),
-                *((f"film_size_{i + 1}", size) for i, (_, size) in enumerate(sizes)),
-            ),
-            ranges=(("squeeze_film_width", "(0.0:squeeze_film_length]"),),
         )
 
 
@@ -385,39 +339,3 @@ def mobility_of(indices: ParameterIndices) -> Function:
         return p[ambient] * gap * gap * rarefied / (12.0 * p[viscosity])
 
     return mobility
-
-
-def film_rate(side: Side, name: str, size: str) -> str:
-    """Return the rate of a compartment."""
-    closing = "v2" if side.sign > 0 else "-v2"
-    return f"{closing} - {name}*film_mobility(electrode_gap({side.position}))/{size}"
-
-
-def film_sizes(modes: int) -> list[tuple[float, str]]:
-    """Return share and size of each compartment, as `squeeze_film.compartments`."""
-    found = []
-    width = "pow(squeeze_film_width, 2)"
-    for row in range(modes):
-        across = 2 * row + 1
-        odd = range(1, 2 * (modes - row), 2)
-        shares = [share(along, across) for along in odd]
-        found += [
-            (part, f"film_size({along}.0, {across}.0)")
-            for along, part in zip(odd, shares, strict=True)
-        ]
-        rest = share_of_row(across) - sum(shares)
-        ends = f"(1.0 - tanh({across}.0*film_ratio)/({across}.0*film_ratio))"
-        total = f"8.0*{width}/pow({PI}*{across}.0, 4)*{ends}"
-        resolved = "".join(
-            f" - {part!r}*film_size({along}.0, {across}.0)"
-            for along, part in zip(odd, shares, strict=True)
-        )
-        found.append((rest, f"({total}{resolved})/{rest!r}"))
-    rest = 1.0 - sum(share_of_row(2 * row + 1) for row in range(modes))
-    rows = range(1, 2 * modes, 2)
-    fourth = FOURTH - sum(across**-4.0 for across in rows)
-    fifth = FIFTH - sum(across**-5.0 for across in rows)
-    first = 2 * modes + 1
-    ends = f"({fifth!r} - (1.0 - tanh({first}.0*film_ratio))/{float(first**5)!r})/film_ratio"
-    found.append((rest, f"8.0*{width}/pow({PI}, 4)*({fourth!r} - {ends})/{rest!r}"))
-    return found

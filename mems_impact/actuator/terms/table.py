@@ -51,8 +51,6 @@ TableNumbers = Annotated[
 ]
 """A column of a table."""
 
-SPLINE_VARIABLES = "inside, u, h, c0, c1, c2, c3, c4, c5, by_u"
-
 
 class TableTerm(Term):
     """Base of terms with a spline through a table over the position of the block."""
@@ -202,33 +200,6 @@ class TableTerm(Term):
                 f"{shown(-max_travel)} to {shown(max_travel)}{unit}{explanation}; extend the table"
             )
             raise InvalidParameter(f"{self.name()}.positions", None, "", problem=problem)
-
-    def spline_body(self, *, slope: bool) -> str:
-        """Return the body of a Verilog-A function with the spline of a table, or of its derivative.
-
-        Beyond the table it is continued by its tangent.
-        """
-        x = self.positions
-        found = coefficients(x, getattr(self, self.column))
-        lines = [f"inside = min(max(x, {x[0]!r}), {x[-1]!r});"]
-        for i in range(len(x) - 1):
-            own = found[COEFFICIENTS * i : COEFFICIENTS * (i + 1)]
-            condition = f"if (inside < {x[i + 1]!r}) " if i < len(x) - 2 else ""
-            lines += [
-                f"{'else ' if i else ''}{condition}begin",
-                f"  h = {x[i + 1] - x[i]!r};",
-                f"  u = (inside - ({x[i]!r}))/h;",
-                "  " + " ".join(f"c{k} = {value!r};" for k, value in enumerate(own)),
-                "end",
-            ]
-        lines.append("by_u = c1 + u*(2.0*c2 + u*(3.0*c3 + u*(4.0*c4 + u*5.0*c5)));")
-        if slope:
-            lines.append("NAME = by_u/h;")
-        else:
-            lines.append(
-                "NAME = c0 + u*(c1 + u*(c2 + u*(c3 + u*(c4 + u*c5)))) + by_u/h*(x - inside);"
-            )
-        return "\n".join(lines)
 
 
 def _factors(column_units: Any, units: list[str]) -> list[float]:

@@ -10,8 +10,7 @@ from pydantic import model_validator
 from mems_impact._util.formatting import shown
 from mems_impact.actuator.plausible_ranges import CAPACITANCE, LENGTH
 from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape
-from mems_impact.actuator.terms.table import SPLINE_VARIABLES, TableNumbers, TableTerm
-from mems_impact.actuator.verilog_a_code import PlateCode, TermCode
+from mems_impact.actuator.terms.table import TableNumbers, TableTerm
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["TabulatedCapacitance"]
@@ -91,8 +90,3 @@ class TabulatedCapacitance(TableTerm):
         """Return the electrode with the capacitance of the table."""
         spline = cls.spline(indices, shape)
         return electrode._replace(capacitance=spline.value, slope=spline.slope)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        value, slope = self.spline_body(slope=False), self.spline_body(slope=True)
-        return TermCode(plate=PlateCode(value, slope, SPLINE_VARIABLES))

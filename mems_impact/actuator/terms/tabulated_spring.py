@@ -7,8 +7,7 @@ from mems_impact.actuator import equations as eq
 from mems_impact.actuator.equations import X2
 from mems_impact.actuator.plausible_ranges import FORCE, LENGTH
 from mems_impact.actuator.terms.base import Device, ParameterIndices, Shape, TermContribution
-from mems_impact.actuator.terms.table import SPLINE_VARIABLES, TableNumbers, TableTerm
-from mems_impact.actuator.verilog_a_code import TermCode, function
+from mems_impact.actuator.terms.table import TableNumbers, TableTerm
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["TabulatedSpring"]
@@ -120,14 +119,3 @@ class TabulatedSpring(TableTerm):
             return spline_energy - 0.5 * p[eq.K] * y[X2] * y[X2]
 
         return TermContribution(force=force, energy=energy)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        body = self.spline_body(slope=False).replace("NAME", "restoring")
-        own = self.slope(0.0)
-        low, high = (1.0 - STIFFNESS_RTOL) * own, (1.0 + STIFFNESS_RTOL) * own
-        return TermCode(
-            force="+ k*x2 - restoring(x2)",
-            functions=(function("restoring", "x", body, SPLINE_VARIABLES),),
-            ranges=(("k", f"[{low!r}:{high!r}]"),) if own > 0.0 else (),
-        )

@@ -12,7 +12,6 @@ from mems_impact.actuator.equations import X1, X2
 from mems_impact.actuator.parameter_base import Number
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
-from mems_impact.actuator.verilog_a_code import TermCode
 
 __all__ = ["Tilt"]
 
@@ -71,12 +70,4 @@ class Tilt(Term):
 
         return TermContribution(
             on_frame=on_frame, on_block=on_block, weight_factor=normal, energy=energy
-        )
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        return TermCode(
-            on_frame="- m1*g*sin(tilt_angle)",
-            on_block="- m2*g*sin(tilt_angle)",
-            weight_factor="cos(tilt_angle)",
         )

@@ -15,29 +15,12 @@ from mems_impact.actuator.terms.base import (
     Shape,
     Term,
 )
-from mems_impact.actuator.verilog_a_code import PlateCode, TermCode
 
 __all__ = ["TiltedPlate"]
 
 FREE_SHARE = 0.25  # of the room between stopper and contact of an edge, where the force is frozen
 YIELDING_SHARE = 1.0 / 3.0  # largest wedge with compliant stoppers, of the gap at the stopper
 SERIES_RATIO = 1e-4  # of wedge and gap, below which the series of the capacitance is exact
-
-_WEDGE = f"""\
-wedge = 0.5*tilted_plate_length*abs(tilted_plate_angle);
-gap = max(d - x, wedge + {FREE_SHARE}*(d - delta - wedge));
-"""
-
-_PLATE = PlateCode(
-    f"""\
-{_WEDGE}ratio = wedge/gap;
-factor = 1.0 + ratio*ratio/3.0;
-if (ratio > {SERIES_RATIO})
-  factor = atanh(ratio)/ratio;
-NAME = 2.0*alpha*factor/gap;""",
-    f"{_WEDGE}NAME = 2.0*alpha/((gap - wedge)*(gap + wedge));",
-    "wedge, gap, ratio, factor",
-)
 
 
 class TiltedPlate(Term):
@@ -136,8 +119,3 @@ class TiltedPlate(Term):
             return 2.0 * p[eq.ALPHA] / ((gap - w) * (gap + w))
 
         return electrode._replace(capacitance=capacitance, slope=slope)
-
-    def verilog_a(self) -> TermCode:
-        """Return its contributions to a Verilog-A module."""
-        edge = f"{2.0 * YIELDING_SHARE!r}*(d - delta)/tilted_plate_length"
-        return TermCode(plate=_PLATE, ranges=(("tilted_plate_angle", f"(-{edge}:{edge})"),))
