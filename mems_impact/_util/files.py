@@ -107,18 +107,17 @@ def opened(
     """
     try:
         mode = os.stat(file_path(path)).st_mode
-        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-            raise InvalidFile(path, _NO_FILE, remedy)
+        if not stat.S_ISREG(mode):
+            reason = "is a directory" if stat.S_ISDIR(mode) else _NO_FILE
+            raise InvalidFile(path, reason, remedy)
         with open(path, "rb") as file:
             yield file
+    except FileNotFoundError:
+        if missing is None:
+            raise
+        raise InvalidFile(path, missing, remedy) from None
     except OSError as error:
-        if isinstance(error, FileNotFoundError):
-            if missing is None:
-                raise
-            raise InvalidFile(path, missing, remedy) from None
-        is_folder = isinstance(error, IsADirectoryError)
-        reason = "is a directory" if is_folder else f"cannot be read ({_reason(error)})"
-        raise InvalidFile(path, reason, remedy) from None
+        raise InvalidFile(path, f"cannot be read ({_reason(error)})", remedy) from None
 
 
 def check_expansion(

@@ -1,6 +1,7 @@
 """Tests of files, studies, the command line and export where what Windows lacks is hidden."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -26,8 +27,8 @@ def environment():
     }
 
 
-def output(command):
-    done = subprocess.run(command, cwd=ROOT, env=environment(), capture_output=True)
+def output(command, folder=ROOT):
+    done = subprocess.run(command, cwd=folder, env=environment(), capture_output=True)
     text = (done.stdout + done.stderr).decode("cp1252", "replace")
     assert done.returncode == 0, text[-8000:]
     return text
@@ -59,3 +60,19 @@ def test_what_windows_lacks_is_hidden(tmp_path):
 def test_tests_pass_without_what_windows_lacks(file):
     arguments = ["-q", "-p", "no:cacheprovider", "-m", "not slow", f"tests/{file}"]
     assert " passed" in output([sys.executable, "-m", "pytest", *arguments])
+
+
+@pytest.mark.slow
+def test_the_readme_runs_without_what_windows_lacks(tmp_path):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (tmp_path / "own.py").write_text(block, encoding="utf-8")
+    assert "PD" in output([sys.executable, "own.py"], tmp_path)
+    command = [sys.executable, "-m", "mems_impact"]
+    (main,) = re.findall(r"mems-impact (sweep .*)", text)
+    shorter = main.replace(":401", ":5").replace("--transient 300", "--transient 30").split()
+    assert "off at" in output([*command, *shorter], tmp_path)
+    for line in re.findall(r"bin/mems-impact ((?:new|docs) [^`]*)`", text):
+        output([*command, *line.split()], tmp_path)
+    written = {each.name for each in tmp_path.iterdir()}
+    assert written == {"own.py", "branch.png", "out", "mine.toml"}
