@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from decimal import Decimal
 from typing import Any, NamedTuple
 
@@ -17,6 +18,7 @@ from mems_impact.errors import InvalidParameter
 __all__ = [
     "QuantityError",
     "base_powers",
+    "factors",
     "has_unit",
     "magnitude",
     "percentage",
@@ -178,9 +180,8 @@ def base_powers(unit: str) -> dict[str, int]:
     return {name: int(power) for name, power in powers if power}
 
 
-def _product(text: str) -> Unit:
-    """Return a product of units, such as "N s/m^2"; KeyError for other text."""
-    factor, powers = 1.0, [0.0] * 5
+def factors(text: str) -> Iterator[tuple[str, float]]:
+    """Yield the units in a product such as "N s/m^2", with powers; KeyError for other text."""
     for i, group in enumerate(text.replace("·", " ").replace("**", "^").split("/")):
         sign = 1.0 if i == 0 else -1.0
         for token in re.split(r"[\s*]+", group.strip()):
@@ -189,10 +190,16 @@ def _product(text: str) -> Unit:
             found = FACTOR.fullmatch(token.replace("²", "^2").replace("³", "^3"))
             if found is None:
                 raise KeyError(token)
-            power = sign * float(found[2] or 1.0)
-            own = _unit(found[1])
-            factor *= own.factor**power
-            powers = [a + power * b for a, b in zip(powers, own.powers, strict=True)]
+            yield found[1], sign * float(found[2] or 1.0)
+
+
+def _product(text: str) -> Unit:
+    """Return a product of units; KeyError for other text."""
+    factor, powers = 1.0, [0.0] * 5
+    for name, power in factors(text):
+        own = _unit(name)
+        factor *= own.factor**power
+        powers = [a + power * b for a, b in zip(powers, own.powers, strict=True)]
     return Unit(factor, tuple(powers))
 
 

@@ -207,7 +207,7 @@ class _Call:
                     ends = [
                         each[-1:] and isinstance(each[-1], ast.Return) for each in (body, orelse)
                     ]
-                    if any(ends):  # what follows belongs to the branch that goes on
+                    if any(ends):  # the branch that continues takes the rest
                         body, orelse = (
                             each if end else each + following
                             for each, end in zip((body, orelse), ends, strict=True)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.quantities import factors
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import InvalidParameter, ScaleWarning
 from mems_impact.hybrid.definition import (
@@ -156,19 +157,18 @@ DERIVED: dict[str, dict[str, int]] = {
 def of_units(unit: str, sizes: Mapping[str, float]) -> float | None:
     """Return the typical magnitude of a unit such as "m/s^2", from the magnitudes of other units.
 
-    All units after a slash divide. Units without a magnitude count as 1; None if all are without
-    one.
+    All units after a slash divide. None unless each unit in it has a magnitude.
     """
     if unit in sizes:
         return sizes[unit]
     size, determined = 1.0, False
-    for k, side in enumerate(unit.split("/")):
-        for name, exponent in re.findall(r"([A-Za-z]+)(?:\^(-?\d+))?", side):
-            power = (1 if k == 0 else -1) * int(exponent or 1)
+    try:
+        for name, power in factors(unit):
             base = {name: 1} if name in sizes else DERIVED.get(name, {name: 1})
             for each, times in base.items():
-                determined = determined or each in sizes
-                size *= sizes.get(each, 1.0) ** (power * times)
+                size, determined = size * sizes[each] ** (power * times), True
+    except KeyError:
+        return None
     return size if determined else None
 
 
@@ -203,11 +203,14 @@ def typical_of(
             size = of_units(units[name], sizes)
         return power_of_two(otherwise if size is None else size)
 
+    time = size_of("time", time)
+    if sizes:
+        sizes.setdefault(units.get("time", "s"), time)
     result = Typical(
         states=tuple(size_of(name, initial.get(name, 1.0)) for name in definition.states),
         # Parameters vary in continuation: by default their own magnitude is typical.
         parameters=tuple(size_of(name, value) for name, value in values.items()),
-        time=size_of("time", time),
+        time=time,
     )
     start = [initial.get(name, 0.0) for name in definition.states]
     margins = {

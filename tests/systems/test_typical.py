@@ -121,6 +121,9 @@ def test_sizes_may_belong_to_units():
     assert other.units.typical.states == (L, L / T)
     assert other.units.typical.time == T
     assert other.units.typical.parameters[1] == 1.0 / T**2
+    timed = oscillator(L, T, units=units, typical={"m": L, "time": T})
+    assert timed.units.typical == other.units.typical
+    assert oscillator(L, T, units=units, typical={"s": T}).units.typical.states == (1.0, 1.0)
     same_tables(mi.simulate(oscillator(), 5, options=PLAIN).events,
                 mi.simulate(other, 5, options=PLAIN).events)  # fmt: skip
 
@@ -133,7 +136,9 @@ def test_units_in_words():
     assert of_units("Hz", sizes) == pytest.approx(1e3)
     assert of_units("N", {"N": 5.0, "m": 1e-6}) == 5.0
     assert of_units("rad/s", sizes) == pytest.approx(1e3)
-    assert of_units("K", sizes) is None
+    assert of_units("m/s²", sizes) == pytest.approx(of_units("m/s^2", sizes))
+    for unit in ("K", "N/K", "µm", "rad", "a.u."):
+        assert of_units(unit, sizes) is None
 
 
 def test_until_and_durations_are_in_the_users_units():
