@@ -22,7 +22,6 @@ from mems_impact.actuator.impact_statistics import (
     is_impact,
 )
 from mems_impact.actuator.numerics import A
-from mems_impact.actuator.statistics import Accumulator, Statistics
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
 from mems_impact.hybrid.simulation import Events
@@ -299,22 +298,20 @@ class ActuatorRun(_OfActuator[A], Run):
     def blow_statistics(self) -> BlowStatistics:
         """Statistics of the blows in the window."""
         measured, scales = self.measured, self.system.units.scales
-        still = measured.blows == 0 and measured.displacement_per_period == 0.0
+        still = measured["blows"] == 0 and measured["displacement per period"] == 0.0
+        mean = 0.0 if still else measured["displacement per blow"]
         return BlowStatistics(
-            count=measured.blows,
-            per_period=measured.blows_per_period,
-            displacement_per_blow=0.0 if still else scales.out(measured.displacement_per_blow, "m"),
-            displacement_std=scales.out(measured.displacement_per_blow_std, "m"),
+            count=int(measured["blows"]),
+            per_period=measured["blows per period"],
+            displacement_per_blow=scales.out(mean, "m"),
+            displacement_std=scales.out(measured["displacement per blow std"], "m"),
             si=scales.named,
         )
 
-    @cached_property
-    def measured(self) -> Statistics:
+    @property
+    def measured(self) -> Mapping[str, float]:
         """The statistics by name, dimensionless like the trajectory."""
-        gatherer = self._accumulator
-        assert isinstance(gatherer, Accumulator)
-        borders = [self._state_at(border) for border in (0, 1)]
-        return gatherer.measured(self.trajectory.final, borders)
+        return self._scaled_statistics
 
 
 class ActuatorOrbit(_OfActuator[A], Orbit):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
 from operator import attrgetter
 from types import MappingProxyType
@@ -50,7 +49,6 @@ from mems_impact.systems.window_statistics import (
 __all__ = [
     "Accumulator",
     "ActuatorStatistics",
-    "Statistics",
     "standstill_period",
 ]
 
@@ -108,51 +106,6 @@ def approach(totals: MotionTotals, impacts: Any, closest: Any) -> Any:
 # --- Statistics of a run
 
 
-@dataclass(frozen=True, kw_only=True)
-class Statistics:
-    """Statistics of a run over a window.
-
-    Undefined values are NaN: speeds and displacements per impact or blow without any, and the
-    closest approach with impacts. A blow is a chatter sequence on one stopper that ends in sticking
-    contact; any other impact is a blow of its own, also in a sequence that the end of the run
-    truncates. Standard deviations are of the population.
-    """
-
-    # In forcing periods, as the next two; the window is half-open: an event at its end is outside.
-    window_first: float
-    window_last: float
-    periods: float  # length of the window
-    impacts: int  # each bounce is one
-    impacts_per_period: float
-    blows: int  # that start in the window
-    blows_per_period: float
-    displacement_per_period: float  # of the frame over the window, by its length
-    displacement_per_impact: float  # the same by the number of impacts
-    # Of the steps of the frame (see `frame_steps`) after the impacts of the window, without a step
-    # that has not ended.
-    displacement_per_impact_std: float
-    displacement_per_blow: float  # the same by the number of blows
-    # Of the sums of the steps after the impacts of each blow, without a blow whose last step has
-    # not ended.
-    displacement_per_blow_std: float
-    mean_speed: float  # displacement of the frame over the window, by its duration
-    impact_speed_min: float  # of abs(v2) before the impacts, as the next two
-    impact_speed_mean: float
-    impact_speed_max: float
-    share_slipping: float  # fraction of time in which the frame slips
-    # Fraction of time in which the block rests on a stopper, or is in contact with a compliant one.
-    share_resting: float
-    # Smallest distance from a stopper at a turning point, in a window without impacts; 0 with rest
-    # contact.
-    closest_approach: float
-    # That ended in sticking contact. On compliant stoppers, the number of contacts longer than a
-    # bounce (see `RestDetector`), counted at their ends.
-    chatter_sequences: int
-    # In impacts, including chatter, and in contacts with compliant stoppers; friction and damping
-    # are not counted. `energy` computes the whole balance.
-    energy_lost_per_period: float
-
-
 class Accumulator(StatisticsAccumulator):
     """Accumulator of the statistics of one run, called with every chunk of its events.
 
@@ -197,18 +150,12 @@ class Accumulator(StatisticsAccumulator):
     def result(self, final: HybridState, borders: Sequence[Floats]) -> dict[str, float]:
         """Return the statistics of a run that ended at `final`, by name.
 
-        `borders` has the states at the start and end of the window.
+        `borders` has the states at the start and end of the window. Undefined values are NaN:
+        speeds and displacements per impact or blow without any, and the closest approach with
+        impacts. A blow is a chatter sequence on one stopper that ends in sticking contact; any
+        other impact is a blow of its own, also in a sequence that the end of the run truncates.
+        Standard deviations are of the population.
         """
-        measured = self.measured(final, borders)
-        change = borders[1] - borders[0]
-        sums = {
-            name: ratio(float(change[list(places)].sum()), measured.periods)
-            for name, places in self._sums.items()
-        }
-        return {name.replace("_", " "): value for name, value in asdict(measured).items()} | sums
-
-    def measured(self, final: HybridState, borders: Sequence[Floats]) -> Statistics:
-        """Return the statistics of a run that ended at `final`."""
         if self._waiting is not None:
             self._take_steps(self._waiting[:0], last=True)
         change = borders[1] - borders[0]
@@ -220,20 +167,43 @@ class Accumulator(StatisticsAccumulator):
         impacts = int(totals.impacts(GUARDS))
         closest = self._closest if math.isfinite(self._closest) else math.nan
         common = motion_values(totals, impacts, self._speeds)
-        return Statistics(
-            window_first=window.first,
-            window_last=window.last,
-            periods=totals.periods,
-            impacts=impacts,
-            blows=blows.count,
-            blows_per_period=totals.per_period(blows.count),
-            displacement_per_impact_std=self._steps.deviation(),
-            displacement_per_blow=ratio(gains["step"], blows.count),
-            displacement_per_blow_std=blows.displacements.deviation(),
-            closest_approach=approach(totals, impacts, closest),
-            chatter_sequences=totals.chatter,
-            **{name.replace(" ", "_"): value for name, value in common.items()},
-        )
+        per_period, per_impact, lost = (
+            common.pop(f"{name} per {each}")
+            for name, each in (
+                ("displacement", "period"), ("displacement", "impact"), ("energy lost", "period"),
+            )
+        )  # fmt: skip
+        values = {
+            # In forcing periods; the window is half-open: an event at its end is outside.
+            "window first": window.first,
+            "window last": window.last,
+            "periods": totals.periods,
+            "impacts": impacts,  # each bounce is one
+            "impacts per period": common.pop("impacts per period"),
+            "blows": blows.count,  # that start in the window
+            "blows per period": totals.per_period(blows.count),
+            "displacement per period": per_period,
+            "displacement per impact": per_impact,
+            # Of the steps of the frame (see `frame_steps`) after the impacts of the window, without
+            # a step that has not ended.
+            "displacement per impact std": self._steps.deviation(),
+            "displacement per blow": ratio(gains["step"], blows.count),
+            # Of the sums of the steps after the impacts of each blow, without a blow whose last
+            # step has not ended.
+            "displacement per blow std": blows.displacements.deviation(),
+            **common,
+            # At turning points, in a window without impacts; 0 with rest contact.
+            "closest approach": approach(totals, impacts, closest),
+            # That ended in sticking contact. On compliant stoppers, the number of contacts longer
+            # than a bounce (see `RestDetector`), counted at their ends.
+            "chatter sequences": totals.chatter,
+            "energy lost per period": lost,
+        }
+        sums = {
+            name: ratio(float(change[list(places)].sum()), totals.periods)
+            for name, places in self._sums.items()
+        }
+        return values | sums
 
     def _take_steps(self, events: Events, *, last: bool = False) -> None:
         if self._waiting is not None:
@@ -343,7 +313,7 @@ class NamedState:
 
 
 class ActuatorStatistics(SystemStatistics):
-    """The statistics of an actuator under a drive, with the definitions of `Statistics`.
+    """The statistics of an actuator under a drive, with the definitions of `Accumulator.result`.
 
     `given` has the energy input of the drive; `sums` names integrals of runs, per period: the
     states whose sum each is.

@@ -67,7 +67,7 @@ def pressed_for_long(seed: int, small: bool) -> Result:
         state = done.final
     whole = mi.simulate(device, drive, cycles)
     apart = abs(whole.final.x1 - state.y[0])
-    resting = float(whole.measured.share_resting)
+    resting = float(whole.measured["share resting"])
     if max(steps[1:]) > 1.02 * min(steps[1:]):
         findings.append(f"steps a tenth of the run: {steps}")
     if len(set(events[1:])) > 1:

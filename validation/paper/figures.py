@@ -357,8 +357,8 @@ def figure4(devices: Devices, effort: Effort) -> Outcome:
     quiet = _run_from_rest(actuator, omega, low)
     impacts, top = _period_one(actuator, omega, high)
     values: dict[str, Value | None] = {
-        "4.off": float(quiet.measured.impacts_per_period),
-        "4.still": float(quiet.measured.share_slipping),
+        "4.off": float(quiet.measured["impacts per period"]),
+        "4.still": float(quiet.measured["share slipping"]),
         "4.period-one": impacts,
         "4.type": found.type(),
     }
@@ -370,7 +370,7 @@ def figure4(devices: Devices, effort: Effort) -> Outcome:
         jumped = _run_from_rest(actuator, omega, JUST_ABOVE * grazing.value, 1500)
         if top is not None:
             speed = float(top.impacts["v2 before"].max())
-            values["4.jump"] = bool(jumped.measured.impact_speed_mean > 0.5 * speed)
+            values["4.jump"] = bool(jumped.measured["impact speed mean"] > 0.5 * speed)
     if fold is not None:
         notes.append(f"CF: f = {fold.value:.9f}")
         values["4.eigenvalue"] = float(np.abs(fold.orbit.multipliers - 1.0).min())
@@ -401,7 +401,7 @@ def figure5(devices: Devices, effort: Effort) -> Outcome:
     omega, low, high = 0.485, 0.171, 0.177
     found = _switching_diagram(actuator, omega, low, high, effort)
     values: dict[str, Value | None] = {
-        "5.off": float(_run_from_rest(actuator, omega, low).measured.impacts_per_period),
+        "5.off": float(_run_from_rest(actuator, omega, low).measured["impacts per period"]),
         "5.period-one": _period_one(actuator, omega, high)[0],
         "5.type": found.type(),
     }
@@ -419,7 +419,7 @@ def figure5(devices: Devices, effort: Effort) -> Outcome:
     if grazing is not None:
         notes.append(f"G: f = {grazing.value:.9f}")
         period, run = _attractor_period(actuator, omega, JUST_ABOVE * grazing.value, State())
-        values["5.chaos"] = period == 0 and run.measured.impacts > 0
+        values["5.chaos"] = period == 0 and run.measured["impacts"] > 0
         width = 2e-3 * grazing.value
         at, tables["near-grazing"] = _switching(
             actuator, omega, grazing.value - width, grazing.value + width, effort.of(41, 11), effort
@@ -440,7 +440,7 @@ def figure6(devices: Devices, effort: Effort) -> Outcome:
     omega, low, high = 0.45, 0.22, 0.29
     found = _switching_diagram(actuator, omega, low, high, effort)
     values: dict[str, Value | None] = {
-        "6.off": float(_run_from_rest(actuator, omega, low).measured.impacts_per_period),
+        "6.off": float(_run_from_rest(actuator, omega, low).measured["impacts per period"]),
         "6.period-one": _period_one(actuator, omega, high)[0],
         "6.type": found.type(),
         "6.doubling": False,
@@ -452,7 +452,7 @@ def figure6(devices: Devices, effort: Effort) -> Outcome:
         notes.append(f"CF: f = {fold.value:.9f}")
         above = JUST_ABOVE * fold.value
         period, run = _attractor_period(actuator, omega, above, State())
-        values["6.chaos"] = period == 0 and run.measured.impacts > 0
+        values["6.chaos"] = period == 0 and run.measured["impacts"] > 0
         periods = effort.of(2000, 250)
         drive = Sine(amplitude=above, omega=omega)
         try:
@@ -520,10 +520,10 @@ def figure7(devices: Devices, effort: Effort) -> Outcome:
         if found.on - found.off > 1.5 * found.step:
             apart.add(kind)
         period, run = _attractor_period(actuator, omega, JUST_ABOVE * on, State())
-        if period == 0 and run.measured.impacts > 0:
+        if period == 0 and run.measured["impacts"] > 0:
             chaotic.add(kind)
         if middle == CHECKED_OMEGA[-1]:
-            values["7.favorable"] = run.measured.impacts_per_period if period == 1 else 0.0
+            values["7.favorable"] = run.measured["impacts per period"] if period == 1 else 0.0
     values["7.hysteresis"] = ", ".join(sorted(apart))
     values["7.chaos"] = ", ".join(sorted(chaotic))
     table = pd.DataFrame(

@@ -153,7 +153,7 @@ def _stepless(run: Any, right: int, at_rest: int) -> str:
         return f"no step of {at_rest} that begin at rest has ended; simulate more periods"
     return (
         f"each of {right} impacts on the right stopper strikes a frame that already slips (for "
-        f"{run.measured.share_slipping:.3g} of the time), so that no step ends before the "
+        f"{run.measured['share slipping']:.3g} of the time), so that no step ends before the "
         "next; use run.blow_statistics.displacement_per_blow"
     )
 

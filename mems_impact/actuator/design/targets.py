@@ -35,28 +35,25 @@ __all__ = ["OF_DEVICE", "OF_RUN", "Target"]
 # --- Measured quantities and their computed values
 
 
-def _per_impact(run: Run) -> float:
-    """Return the displacement per impact; 0 without impacts, which a fit can handle."""
-    moved = run.measured.displacement_per_period
-    each = run.measured.displacement_per_impact if moved != 0.0 else 0.0
-    return float(run.actuator.scales.out(each, "m"))
+def _of_run(name: str, unit: str, run: Run) -> float:
+    """Return a statistic; 0 without displacement and blows, which a fit can handle."""
+    value = run.measured[name]
+    undefined = math.isnan(value) and run.measured["displacement per period"] == 0.0
+    return float(run.actuator.scales.out(0.0 if undefined else value, unit))
 
 
 # Quantities of a run, and quantities of the device alone, each with its unit. The names are those
 # of `Run.statistics`.
 OF_RUN: dict[str, tuple[Callable[[Run], float], str]] = {
-    "displacement per blow": (lambda run: run.blow_statistics.displacement_per_blow, "m"),
-    "blows per period": (lambda run: run.measured.blows_per_period, ""),
-    "displacement per impact": (_per_impact, "m"),
-    "impacts per period": (lambda run: run.measured.impacts_per_period, ""),
-    "displacement per period": (
-        lambda run: run.actuator.scales.out(run.measured.displacement_per_period, "m"),
-        "m",
-    ),
-    "mean speed": (
-        lambda run: run.actuator.scales.out(run.measured.mean_speed, "m/s"),
-        "m/s",
-    ),
+    name: (partial(_of_run, name, unit), unit)
+    for name, unit in {
+        "displacement per blow": "m",
+        "blows per period": "",
+        "displacement per impact": "m",
+        "impacts per period": "",
+        "displacement per period": "m",
+        "mean speed": "m/s",
+    }.items()
 }
 OF_DEVICE: dict[str, tuple[Callable[[Actuator], float], str]] = {
     "pull-in voltage": (pull_in_voltage, "V"),
@@ -299,7 +296,7 @@ class TargetComparison(Comparison):
                     jacobian[i, j] = sixth_order_difference(moved, step)[0]
         for drive, run in runs.items():
             rows = [i for i, target in enumerate(self._targets) if target.drive == drive]
-            function = partial(_of_run, [self._targets[i] for i in rows], drive)
+            function = partial(_values_of_run, [self._targets[i] for i in rows], drive)
             jacobian[rows] = run.derivatives(names).jacobian(function)
         return Prediction(computed, jacobian)
 
@@ -324,7 +321,7 @@ def _moved(target: Target, actuator: Actuator, name: str, change: float) -> Floa
     return np.array([target.computed(moved, {})])
 
 
-def _of_run(targets: Sequence[Target], drive: Drive, run: Run) -> list[float]:
+def _values_of_run(targets: Sequence[Target], drive: Drive, run: Run) -> list[float]:
     return [target.computed(run.actuator, {drive: run}) for target in targets]
 
 

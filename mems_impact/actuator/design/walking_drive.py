@@ -14,7 +14,6 @@ from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER
 from mems_impact.actuator.design.static_forces import contact_amount, normal_force, static_contact
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.plausibility import voltage_limits
-from mems_impact.actuator.statistics import Statistics
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.base import drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
@@ -164,7 +163,7 @@ def _amplitudes(actuator: Actuator, ratio: float) -> Iterator[float]:
 
     def rests(amplitude: float) -> bool:
         measured = _measured(actuator, _sine(actuator, ratio, amplitude), periods, 0)
-        return measured is None or measured.impacts == 0
+        return measured is None or measured["impacts"] == 0
 
     highest = _limit(actuator)[0] / MARGIN[1]
     top = highest / ABOVE_ONSET[0]
@@ -199,7 +198,9 @@ def _sine(actuator: Actuator, ratio: float, amplitude: float) -> Sine:
     return Sine(amplitude=volts, frequency=float(f"{omega / (2.0 * math.pi):.{DIGITS}g}"))
 
 
-def _measured(actuator: Actuator, drive: Sine, periods: int, first: int) -> Statistics | None:
+def _measured(
+    actuator: Actuator, drive: Sine, periods: int, first: int
+) -> Mapping[str, float] | None:
     """Return the statistics of a run from rest, from a period to its end."""
     system = ActuatorSystem(actuator, drive)
     try:
@@ -207,7 +208,7 @@ def _measured(actuator: Actuator, drive: Sine, periods: int, first: int) -> Stat
             run = simulate(system, periods, window=(first, periods), keep="statistics")
     except RunError:
         return None
-    measured: Statistics = run.measured  # type: ignore[attr-defined]
+    measured: Mapping[str, float] = run.measured  # type: ignore[attr-defined]
     return measured
 
 
@@ -219,13 +220,13 @@ def _stroke(actuator: Actuator, ratio: float, amplitude: float) -> Walk | Failur
     if measured is None:
         return Failure(IRREGULAR)
     share = drive.period / ActuatorSystem(actuator, drive).forcing_period
-    step = float(actuator.scales.out(share * measured.displacement_per_period, "m"))
+    step = float(actuator.scales.out(share * measured["displacement per period"], "m"))
     # A blow at the border of the window may be inside or outside.
-    if abs(share * measured.blows_per_period - 1.0) > 1.5 / (periods // 2):
+    if abs(share * measured["blows per period"] - 1.0) > 1.5 / (periods // 2):
         return Failure(IRREGULAR)
     if abs(step) < MIN_STEP * actuator.delta:
-        return Failure(SLIPPERY if measured.share_slipping > MAX_SLIPPING else HEAVY, abs(step))
-    deviation, mean = measured.displacement_per_blow_std, measured.displacement_per_blow
+        return Failure(SLIPPERY if measured["share slipping"] > MAX_SLIPPING else HEAVY, abs(step))
+    deviation, mean = measured["displacement per blow std"], measured["displacement per blow"]
     return Walk(drive, step) if deviation <= MAX_DEVIATION * abs(mean) else Failure(IRREGULAR)
 
 

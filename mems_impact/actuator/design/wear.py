@@ -143,7 +143,7 @@ def life(
     if isinstance(motion, ActuatorOrbit):
         blows = len(balance.by_blow) / balance.periods
     else:
-        blows = motion.measured.blows_per_period
+        blows = motion.measured["blows per period"]
     periods = rate.periods(normal_force, slip)
     walked = _walked(motion)
     return WearLife(

@@ -1,6 +1,5 @@
 """Statistics: checked against the tables, across chunks of events and borders of windows."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -120,24 +119,22 @@ def test_shares_of_time(chattering):
 @pytest.mark.parametrize("sizes", [[1] * 400, [7] * 50, [3, 500, 1, 1, 20]])
 def test_chunks_do_not_matter(chattering, sizes):
     run = chattering
-    whole = gathered(run, (2, 12), []).measured(run.trajectory.final, BORDERS)
-    split = gathered(run, (2, 12), sizes).measured(run.trajectory.final, BORDERS)
-    assert dataclasses.asdict(split) == pytest.approx(
-        dataclasses.asdict(whole), rel=1e-12, abs=1e-15, nan_ok=True
-    )
+    whole = gathered(run, (2, 12), []).result(run.trajectory.final, BORDERS)
+    split = gathered(run, (2, 12), sizes).result(run.trajectory.final, BORDERS)
+    assert split == pytest.approx(whole, rel=1e-12, abs=1e-15, nan_ok=True)
 
 
 def test_a_step_may_end_in_the_next_chunk():
     run = mi.simulate(ZHAO, DRIVE, 20, initial=mi.State(v2=1.0))
     kinds = run.trajectory.events.kind
     first = int(np.flatnonzero(kinds == 0)[0]) + 1  # cut between an impact and the rest after it
-    whole = gathered(run, (0, 20), []).measured(run.trajectory.final, BORDERS)
-    split = gathered(run, (0, 20), [first]).measured(run.trajectory.final, BORDERS)
-    assert split.blows == whole.blows
-    assert split.displacement_per_impact_std == pytest.approx(
-        whole.displacement_per_impact_std, rel=1e-12
+    whole = gathered(run, (0, 20), []).result(run.trajectory.final, BORDERS)
+    split = gathered(run, (0, 20), [first]).result(run.trajectory.final, BORDERS)
+    assert split["blows"] == whole["blows"]
+    assert split["displacement per impact std"] == pytest.approx(
+        whole["displacement per impact std"], rel=1e-12
     )
-    assert whole.displacement_per_impact_std > 0.0
+    assert whole["displacement per impact std"] > 0.0
 
 
 @pytest.mark.quick(1)
