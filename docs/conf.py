@@ -5,6 +5,7 @@
 
 import re
 import sys
+from contextlib import suppress
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -98,24 +99,26 @@ numpydoc_xref_aliases = {
 }
 
 
-def is_reached(address):
-    """Return whether another project's list of objects can be read."""
-    try:
-        return urlopen(f"{address}objects.inv", timeout=5).status == 200
-    except OSError:
-        return False
+def inventory(name, address):
+    """Return the file with another project's list of objects, read once; of an earlier build offline."""
+    file = Path(__file__).with_name("_build") / f"{name}.inv"
+    with suppress(OSError):
+        content = urlopen(f"{address}objects.inv", timeout=5).read()
+        file.parent.mkdir(exist_ok=True)
+        file.write_bytes(content)
+    return str(file) if file.exists() else None
 
 
-# Without a network the names of others are no links.
 others = {
     "matplotlib": "https://matplotlib.org/stable/",
     "numpy": "https://numpy.org/doc/stable/",
     "pandas": "https://pandas.pydata.org/docs/",
 }
-reached = {name: address for name, address in others.items() if is_reached(address)}
-intersphinx_mapping = {name: (address, None) for name, address in reached.items()}
-unreached = "|".join(set(others) - set(reached))
-nitpick_ignore_regex = [("py:.*", rf"({unreached})\..*")] if unreached else []
+inventories = {name: inventory(name, address) for name, address in others.items()}
+intersphinx_mapping = {name: (others[name], file) for name, file in inventories.items() if file}
+# Without a list the names of others are no links.
+unread = "|".join(others.keys() - intersphinx_mapping.keys())
+nitpick_ignore_regex = [("py:.*", rf"({unread})\..*")] if unread else []
 
 # Links to elsewhere, each in turn, with time to answer.
 linkcheck_timeout = 30

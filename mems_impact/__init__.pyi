@@ -1,7 +1,7 @@
 # ruff: noqa: I001 - in the order of the reference, whose sections are the comments below
 # The public names, each with its module: imported on first use by `__init__.py`.
 
-# Systems
+# Describe a system
 # Systems that switch between smooth modes (:doc:`hybrid`), and their parts (:doc:`parts`).
 from .systems.base import HybridSystem as HybridSystem
 from .systems.system import System as System
@@ -19,7 +19,7 @@ from .systems.components.rate_limit import RateLimit as RateLimit
 from .systems.components.relay import Relay as Relay
 from .systems.components.switching_surface import SwitchingSurface as SwitchingSurface
 
-# Devices
+# Describe a device
 # The impact actuator of Zhao et al., and terms for further effects of real devices (:doc:`terms`).
 from .actuator.actuator import Actuator as Actuator
 from .actuator.device_files import load_actuator as load_actuator
@@ -48,7 +48,7 @@ from .actuator.terms.clamp_electrode import ClampElectrode as ClampElectrode
 from .actuator.terms.frame_force import FrameForce as FrameForce
 from .actuator.terms.frame_spring import FrameSpring as FrameSpring
 
-# Geometry
+# Draw a device
 # Parts of a drawing, with a process (:doc:`device`).
 from .actuator.geometry.geometry import Geometry as Geometry
 from .actuator.geometry.folded_beams import FoldedBeams as FoldedBeams
@@ -59,7 +59,7 @@ from .actuator.geometry.comb_fingers import CombFingers as CombFingers
 from .actuator.geometry.gap_closing_fingers import GapClosingFingers as GapClosingFingers
 from .actuator.geometry.plate_electrode import PlateElectrode as PlateElectrode
 
-# Voltages
+# Drive a device
 # Waveforms, each with its forcing period (:doc:`drives`).
 from .actuator.drives.base import Drive as Drive
 from .actuator.drives.sine import Sine as Sine
@@ -73,33 +73,42 @@ from .actuator.drives.burst import Burst as Burst
 from .actuator.drives.voltages import Voltages as Voltages
 from .actuator.drives.custom import Custom as Custom
 
-# Runs
-# Simulation with event location (:doc:`guide`).
+# Simulate
+# Runs with event location (:doc:`guide`).
 from .overloads import simulate as simulate
 from .analysis.run import Run as Run
+from .integrators.options import Options as Options
 from .analysis.settling import Settling as Settling
 from .analysis.steady_state import steady_state as steady_state
-from .integrators.options import Options as Options
 from .analysis.verification import Verification as Verification
+from .actuator.state_space import kicked_state as kicked_state
+
+# Differentiate and fit
+# Derivatives of runs (:doc:`methods/derivatives`), and parameters from records (:doc:`howto/fit`).
 from .analysis.run_derivatives import RunDerivatives as RunDerivatives
 from .analysis.run_function import value_and_jacobian as value_and_jacobian
 from .studies.jax_function import jax_function as jax_function
 from .studies.fit import fit as fit
 from .studies.fit import Fit as Fit
 from .studies.records import Record as Record
-from .actuator.state_space import kicked_state as kicked_state
-from .loading import load as load
 
-# Orbits
-# Periodic orbits and limit cycles, stable or unstable (:doc:`orbits`), and Lyapunov exponents
-# (:doc:`lyapunov`).
+# Find orbits and equilibria
+# Stable or unstable (:doc:`orbits`), with Lyapunov exponents (:doc:`lyapunov`).
 from .overloads import find_orbit as find_orbit
 from .analysis.orbit import Orbit as Orbit
+from .analysis.equilibrium import find_equilibria as find_equilibria
+from .analysis.equilibrium import Equilibrium as Equilibrium
+from .analysis.edge_state import edge_state as edge_state
+from .analysis.edge_state import EdgeState as EdgeState
+from .analysis.symmetry import symmetries as symmetries
+from .analysis.symmetry import Symmetry as Symmetry
+from .analysis.manifold import manifold as manifold
+from .analysis.manifold import Manifold as Manifold
 from .analysis.lyapunov import lyapunov as lyapunov
 from .analysis.lyapunov import LyapunovSpectrum as LyapunovSpectrum
 from .analysis.lyapunov import classify as classify
 
-# Continuation
+# Continue orbits and equilibria
 # Branches over one parameter, special points, and their curves in two parameters (:doc:`orbits`).
 from .analysis.branch import continue_solution as continue_solution
 from .analysis.branch import Branch as Branch
@@ -112,18 +121,10 @@ from .analysis.special_points import GrazingType as GrazingType
 from .analysis.sliding_type import SlidingType as SlidingType
 from .continuation.normal_forms import NormalForm as NormalForm
 from .analysis.homoclinic import HomoclinicEnd as HomoclinicEnd
-from .analysis.symmetry import symmetries as symmetries
-from .analysis.symmetry import Symmetry as Symmetry
-from .analysis.equilibrium import find_equilibria as find_equilibria
-from .analysis.equilibrium import Equilibrium as Equilibrium
-from .analysis.manifold import manifold as manifold
-from .analysis.manifold import Manifold as Manifold
-from .analysis.edge_state import edge_state as edge_state
-from .analysis.edge_state import EdgeState as EdgeState
 from .analysis.boundary_equilibrium_type import BoundaryType as BoundaryType
 
-# Studies
-# Tables of many points, on one core or on a cluster (:doc:`studies`).
+# Chart motions
+# Sweeps, maps and basins, on one core or on a cluster (:doc:`studies`, :doc:`basins`).
 from .studies.sweep import sweep as sweep
 from .studies.sweep import Sweep as Sweep
 from .studies.operating_map import operating_map as operating_map
@@ -135,6 +136,9 @@ from .studies.attractor_continuation import continue_attractors as continue_attr
 from .studies.attractor_continuation import AttractorBranches as AttractorBranches
 from .studies.diagram_construction import bifurcation_diagram as bifurcation_diagram
 from .studies.bifurcation_diagram import BifurcationDiagram as BifurcationDiagram
+
+# Vary parameters
+# Tolerances (:doc:`tolerances`), sensitivities and optima (:doc:`sensitivity`).
 from .studies.uncertainty import tolerance_analysis as tolerance_analysis
 from .studies.uncertainty import ToleranceAnalysis as ToleranceAnalysis
 from .studies.sensitivity import sensitivity as sensitivity
@@ -145,10 +149,8 @@ from .studies.optimize import Optimum as Optimum
 from .studies.optimize import pareto_front as pareto_front
 from .studies.optimize import ParetoFront as ParetoFront
 from .systems.observables import Quantity as Quantity
-from .studies.engine.store import StoredStudy as StoredStudy
-from .tables import to_xarray as to_xarray
 
-# Design
+# Design a device
 # Design quantities of an actuator (:doc:`designer`, :doc:`device`).
 from .actuator.design.estimates import pull_in_voltage as pull_in_voltage
 from .actuator.design.estimates import pull_in_charge as pull_in_charge
@@ -180,8 +182,8 @@ from .actuator.design.soft_landing import soft_landing as soft_landing
 from .actuator.design.soft_landing import SoftLanding as SoftLanding
 from .actuator.design.targets import Target as Target
 
-# Figures
-# Plotting functions take axes or make a figure, and return the axes (:doc:`figures`).
+# Draw figures
+# Functions that take axes or make a figure, and return the axes (:doc:`figures`).
 from .plotting.trajectories import plot_run as plot_run
 from .plotting.fits import plot_fit as plot_fit
 from .plotting.trajectories import plot_orbit as plot_orbit
@@ -205,6 +207,12 @@ from .actuator.plots.closing import plot_closing as plot_closing
 from .plotting.animation import animate as animate
 from .plotting.animation import Animation as Animation
 from .plotting.style import style as style
+
+# Save and load
+# Files of results, devices and studies; labelled arrays (:doc:`guide`, :doc:`studies`).
+from .loading import load as load
+from .studies.engine.store import StoredStudy as StoredStudy
+from .tables import to_xarray as to_xarray
 
 # Errors and interruptions
 # Each message states the problem and the remedy in one line; interruptions hold the partial result.
