@@ -117,12 +117,22 @@ STUDY_REQUEST = CodeRequest(
 
 @dataclass(frozen=True, kw_only=True)
 class StudyFile:
-    """A study defined by a file."""
+    """A study defined by a file.
+
+    Attributes
+    ----------
+    path : str
+    kind : str
+        Kind of the study, such as ``"map"``.
+    system : System
+    arguments : dict of str to object
+        Arguments of the function that runs it, by name.
+    """
 
     path: str
-    kind: str  # of the study, such as ``"map"``
+    kind: str
     system: HybridSystem = field(repr=False)
-    arguments: dict[str, Any] = field(repr=False)  # of the verb that runs it, by name
+    arguments: dict[str, Any] = field(repr=False)
 
     def run(self, **changes: Any) -> Any:
         """Run the study and return the result of its function, such as an `OperatingMap`.

@@ -145,30 +145,49 @@ class RecurrenceOptions:
 class Attractor:
     """The attractor that the motion from a point reaches.
 
-    `motion` is "periodic"; "off" for a motion without impacts, in a system with impacts, that is
-    periodic or whose exponent shows that it becomes periodic; "resting" at rest; "chaotic" or
-    "quasi-periodic" by its largest exponent (see `classify`) if it has not become periodic;
-    "unsettled" if the exponent does not decide, for example because the motion approaches an orbit
-    slowly, has a period of more than four times `longest` or is transiently chaotic; "failed".
     Returns are forcing periods or, for an autonomous system, crossings of the section (events of
     the first guard if there is no section).
+
+    Attributes
+    ----------
+    motion : str
+        "periodic"; "off" for a motion without impacts, in a system with impacts, that is periodic
+        or whose exponent shows that it becomes periodic; "resting" at rest; "chaotic" or
+        "quasi-periodic" by its largest exponent (see `classify`) if it has not become periodic;
+        "unsettled" if the exponent does not decide, for example because the motion approaches an
+        orbit slowly, has a period of more than four times `longest` or is transiently chaotic;
+        "failed".
+    period : int
+        In returns; 0 for a motion that is not periodic.
+    returns : int
+        Number of returns for which the motion was followed.
+    final : State
+        The last state, at a return if the motion is periodic.
+    states : array, shape (k, n)
+        States at the returns, the latest first, in the units of the system: one period, or
+        `longest` returns if the motion is not periodic.
+    measures : dict of str to float
+        Statistics by heading (see `System.statistics`).
+    exponent : float
+        The largest Lyapunov exponent in 1/time; NaN if it was not requested, -inf if events
+        annihilate perturbations.
+    error : float
+        Standard error of the exponent.
+    status : str
+        "ok", or the reason of the failure.
+    instant : HybridState
+        `final` in scaled units.
     """
 
     motion: str
-    period: int = 0  # in returns, 0 for a motion that is not periodic
-    returns: int = 0  # for which the motion was followed
-    final: State | None = None  # the last state, at a return if the motion is periodic
-    # At its returns, the latest first, in the units of the system, shape (k, n): one period, or
-    # `longest` returns if the motion is not periodic.
+    period: int = 0
+    returns: int = 0
+    final: State | None = None
     states: Floats | None = field(default=None, repr=False)
-    # Its statistics, by heading (see `System.statistics`).
     measures: dict[str, float] = field(default_factory=dict)
-    # The largest Lyapunov exponent in 1/time; NaN if it was not requested, -inf if events
-    # annihilate perturbations.
     exponent: float = math.nan
-    error: float = math.nan  # standard error of the exponent
-    status: str = "ok"  # "ok", or the reason of the failure
-    # `final` in the units of the numerics.
+    error: float = math.nan
+    status: str = "ok"
     instant: HybridState | None = field(default=None, repr=False)
 
 

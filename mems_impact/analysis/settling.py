@@ -70,13 +70,25 @@ def checkpoint_grid(periods: float, window: float, *, forced: bool) -> Checkpoin
 
 
 class SettlingRow(NamedTuple):
-    """The settling of one statistic."""
+    """The settling of one statistic.
 
-    value: float  # the statistic
-    limit: float  # its value on the attractor
-    error: float  # a bound of the error of the limit
-    kind: str  # "settled", "changing", "fluctuating" or "unknown"
-    periods: float  # length of a run, in periods of the problem, that settles the statistic
+    Attributes
+    ----------
+    value : float
+    limit : float
+        Value on the attractor.
+    error : float
+        A bound of the error of the limit.
+    kind : {"settled", "changing", "fluctuating", "unknown"}
+    periods : float
+        Length of a run, in periods of the problem, that settles the statistic.
+    """
+
+    value: float
+    limit: float
+    error: float
+    kind: str
+    periods: float
 
     @property
     def remaining(self) -> float:

@@ -265,19 +265,26 @@ class SpecialPoint(BifurcationPoint[S]):
 class CodimensionTwo(BifurcationPoint[S]):
     """A point of codimension two on a curve.
 
-    `kind` is "cusp", "fold-flip", "fold-Neimark-Sacker", "flip-Neimark-Sacker", "double
-    Neimark-Sacker"; "1:1 resonance" to "1:4 resonance" by the angle of a pair of multipliers on the
-    unit circle; "generalized flip" and "Chenciner" (the cubic coefficient of the normal form is
-    zero); "grazing-fold" (a grazing orbit with a multiplier +1), "grazing-flip",
-    "grazing-Neimark-Sacker", "degenerate grazing" (the first impact leads neither away from the
-    stopper nor towards it), "double grazing"; for another guard its name replaces "grazing". Of
-    equilibria: "cusp", "Bogdanov-Takens" (a double eigenvalue zero), "zero-Hopf", "Hopf-Hopf",
-    "Bautin" (a Hopf point changes its criticality), "boundary-fold", "boundary-Hopf", "double
-    boundary". The solution is also `orbit` or `equilibrium`.
+    Attributes
+    ----------
+    solution : Orbit or Equilibrium
+        The same as `orbit` or `equilibrium`.
+    kind : str
+        "cusp", "fold-flip", "fold-Neimark-Sacker", "flip-Neimark-Sacker", "double Neimark-Sacker";
+        "1:1 resonance" to "1:4 resonance" by the angle of a pair of multipliers on the unit circle;
+        "generalized flip" and "Chenciner" (the cubic coefficient of the normal form is zero);
+        "grazing-fold" (a grazing orbit with a multiplier +1), "grazing-flip",
+        "grazing-Neimark-Sacker", "degenerate grazing" (the first impact leads neither away from the
+        stopper nor towards it), "double grazing"; for another guard its name replaces "grazing". Of
+        equilibria: "cusp", "Bogdanov-Takens" (a double eigenvalue zero), "zero-Hopf", "Hopf-Hopf",
+        "Bautin" (a Hopf point changes its criticality), "boundary-fold", "boundary-Hopf", "double
+        boundary".
+    values : dict of str to float
+        Values of the two parameters.
     """
 
     kind: str
-    values: dict[str, float]  # of the two parameters
+    values: dict[str, float]
 
     def __repr__(self) -> str:
         location = ", ".join(f"{name}={value:.9g}" for name, value in self.values.items())

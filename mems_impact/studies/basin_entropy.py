@@ -23,25 +23,46 @@ DISTANCES = 12  # perturbations of a fit, at most
 
 
 class BasinEntropy(NamedTuple):
-    """Entropies of basins of attraction on a grid of boxes."""
+    """Entropies of basins of attraction on a grid of boxes.
 
-    basin: float  # mean entropy of all boxes, Sb
-    # Mean entropy of the boxes with at least two attractors, Sbb; NaN if there is none. Above log 2
-    # the boundary is fractal.
+    Attributes
+    ----------
+    basin : float
+        Mean entropy of all boxes, Sb.
+    boundary : float
+        Mean entropy of the boxes with at least two attractors, Sbb; NaN if there is none. Above
+        log 2 the boundary is fractal.
+    boxes : int
+    boundary_boxes : int
+        Number of boxes with at least two attractors.
+    """
+
+    basin: float
     boundary: float
     boxes: int
-    boundary_boxes: int  # with at least two attractors
+    boundary_boxes: int
 
 
 class UncertaintyExponent(NamedTuple):
-    """Uncertainty exponent of basins of attraction on a grid."""
+    """Uncertainty exponent of basins of attraction on a grid.
 
-    # 1 for a smooth boundary, near 0 for intermingled basins; NaN if the grid has fewer than two
-    # distances with uncertain points. The boundary has the dimension of the grid minus it.
+    Attributes
+    ----------
+    exponent : float
+        1 for a smooth boundary, near 0 for intermingled basins; NaN if the grid has fewer than two
+        distances with uncertain points. The boundary has the dimension of the grid minus it.
+    error : float
+        Variation between halves of the range of distances (root mean square).
+    distances : array of int, shape (k,)
+        Perturbations in grid steps.
+    fractions : array, shape (k,)
+        Fraction of points that are uncertain at each distance.
+    """
+
     exponent: float
-    error: float  # variation between halves of the range of distances (root mean square)
-    distances: NDArray[np.int64]  # perturbations in grid steps
-    fractions: Floats  # fraction of points that are uncertain at each distance
+    error: float
+    distances: NDArray[np.int64]
+    fractions: Floats
 
 
 def basin_entropy(grid: NDArray[Any], box: int) -> BasinEntropy:

@@ -72,36 +72,68 @@ class Electrode(NamedTuple):
 
     ``x`` is the position of the block towards the electrode: x2 at the right, -x2 at the left one.
     It pulls with the force slope/2 (node - offset)^2.
+
+    Attributes
+    ----------
+    capacitance : callable
+        ``capacitance(x, p)`` between block and electrode.
+    slope : callable
+        ``slope(x, p)``, the derivative of the capacitance by x.
+    node : callable
+        ``node(v, x, y, p)``, the voltage at the electrode for the drive voltage v: the same unless
+        a term is between them.
+    offset : callable
+        ``offset(y, p)``, the part of this voltage that does not act on the block.
+    side : int
+        1 for the right electrode, -1 for the left one.
     """
 
-    capacitance: Function  # ``capacitance(x, p)`` between block and electrode
-    slope: Function  # its derivative by x
-    # ``node(v, x, y, p)``, the voltage at the electrode for the drive voltage v: the same unless a
-    # term is between them.
+    capacitance: Function
+    slope: Function
     node: Function
-    offset: Function  # ``offset(y, p)``, the part of this voltage that does not act on the block
-    side: int  # 1 for the right electrode, -1 for the left one
+    offset: Function
+    side: int
 
 
 class RateBound(NamedTuple):
-    """A limit of the rate of a state at an electrode, whose crossing is an event."""
+    """A limit of the rate of a state at an electrode, whose crossing is an event.
 
-    event: str  # its name
-    state: str  # name of the state
-    # Suffixes of the names of the modes with the largest and with the smallest rate.
+    Attributes
+    ----------
+    event, state : str
+        Names of the event and of the state.
+    modes : tuple of str
+        Suffixes of the names of the modes with the largest and with the smallest rate.
+    rate : callable
+        ``rate(v, x, speed, y, p)``, the rate without the limit.
+    max_rate : callable
+        ``max_rate(p)``, the largest absolute rate, > 0.
+    """
+
+    event: str
+    state: str
     modes: tuple[str, str]
-    rate: Function  # ``rate(v, x, speed, y, p)``, the rate without the limit
-    max_rate: Function  # ``max_rate(p)``, the largest absolute rate, > 0
+    rate: Function
+    max_rate: Function
 
 
 class ValidityLimit(NamedTuple):
-    """A limit of validity of a term; a run beyond it warns once."""
+    """A limit of validity of a term; a run beyond it warns once.
 
-    quantity: str  # the limited quantity, to be followed by "is 0.3"
-    # ``value(y, p)`` in plain arithmetic: it is called with the states of many events at once, y of
-    # shape (n, k).
+    Attributes
+    ----------
+    quantity : str
+        The limited quantity, to be followed by "is 0.3".
+    value : callable
+        ``value(y, p)`` in plain arithmetic, called with the states of many events at once, y of
+        shape (n, k).
+    max_value : float
+        The largest valid value.
+    """
+
+    quantity: str
     value: Function
-    max_value: float  # the largest valid value
+    max_value: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,45 +141,78 @@ class TermContribution:
     """The contributions of a term to the equations. All are optional.
 
     Forces are positive to the right.
+
+    Attributes
+    ----------
+    force : callable
+        ``force(y, p)`` on the block, with its reaction on the frame.
+    on_frame, on_block : callable
+        ``on_frame(y, p)`` and ``on_block(y, p)``, external forces.
+    rates : tuple of callable
+        ``rate(y, p)``, the time derivative of each of the term's states.
+    weight_factor : callable
+        ``weight_factor(p)``, a factor of the weight in the normal force between frame and ground.
+    clamp : callable
+        ``clamp(p)``, a constant force that presses the frame on the ground, >= 0.
+    driven_clamp : callable
+        ``driven_clamp(v, w, u, p)``, the same for the voltages v of the right electrode, w of the
+        left one and u of the clamp.
+    friction : callable
+        ``friction(speed, p)``, the coefficient of friction of a slip, in place of mu_d. It is
+        smooth a little below zero.
+    sticks : bool
+        Whether the frame sticks when it comes to rest.
+    restitution : callable
+        ``restitution(speed, p)``, the coefficient of an impact at the speed, >= 0, in place of e.
+    sums : tuple of str
+        States of the term that only accumulate: no function reads them.
+    stopper : callable
+        ``stopper(depth, rate, p)``, the force of a compliant stopper, >= 0, in place of impacts. It
+        is smooth a little below depth zero.
+    adhesion : callable
+        ``adhesion(p)``, the pull-off force of a block at rest on a stopper, >= 0.
+    depends_on_x1 : bool
+        Whether functions depend on x1, which is cyclic otherwise.
+    energy : callable
+        ``energy(y, p)``, the potential energy of the term's conservative forces.
+    dissipation : callable
+        ``dissipation(y, p)``, the dissipated power, >= 0.
+    limits : tuple of ValidityLimit
     """
 
-    force: Function | None = None  # ``force(y, p)`` on the block, with its reaction on the frame
-    on_frame: Function | None = None  # ``on_frame(y, p)``, an external force
-    on_block: Function | None = None  # ``on_block(y, p)``, an external force
-    # ``rate(y, p)``, the time derivative of each of the term's states.
+    force: Function | None = None
+    on_frame: Function | None = None
+    on_block: Function | None = None
     rates: tuple[Function, ...] = ()
-    # ``weight_factor(p)``, a factor of the weight in the normal force between frame and ground.
     weight_factor: Function | None = None
-    # ``clamp(p)``, a constant force that presses the frame on the ground, >= 0.
     clamp: Function | None = None
-    # ``driven_clamp(v, w, u, p)``, the same for the voltages v of the right electrode, w of the
-    # left one and u of the clamp.
     driven_clamp: Function | None = None
-    # ``friction(speed, p)``, the coefficient of friction of a slip, in place of mu_d. It is smooth
-    # a little below zero.
     friction: Function | None = None
-    sticks: bool = True  # whether the frame sticks when it comes to rest
-    # ``restitution(speed, p)``, the coefficient of an impact at the speed, >= 0, in place of e.
+    sticks: bool = True
     restitution: Function | None = None
-    sums: tuple[str, ...] = ()  # states of the term that only accumulate: no function reads them
-    # ``stopper(depth, rate, p)``, the force of a compliant stopper, >= 0, in place of impacts. It
-    # is smooth a little below depth zero.
+    sums: tuple[str, ...] = ()
     stopper: Function | None = None
-    # ``adhesion(p)``, the pull-off force of a block at rest on a stopper, >= 0.
     adhesion: Function | None = None
-    depends_on_x1: bool = False  # whether functions depend on x1, which is cyclic otherwise
-    # ``energy(y, p)``, the potential energy of the term's conservative forces.
+    depends_on_x1: bool = False
     energy: Function | None = None
-    dissipation: Function | None = None  # ``dissipation(y, p)``, the dissipated power, >= 0
+    dissipation: Function | None = None
     limits: tuple[ValidityLimit, ...] = ()
 
 
 @dataclass(frozen=True)
 class ParameterIndices:
-    """Indices of the numbers of a term."""
+    """Indices of the numbers of a term.
 
-    p: Mapping[str, int]  # of its parameters in the array ``p``; for a tuple, of its first number
-    y: Mapping[str, int] = field(default_factory=dict)  # of its states
+    Attributes
+    ----------
+    p : mapping of str to int
+        Of its parameters in the array ``p``; for a tuple, of its first number.
+    y : mapping of str to int
+        Of its states.
+    """
+
+    p: Mapping[str, int]
+    y: Mapping[str, int] = field(default_factory=dict)
 
 
 class TermKind(NamedTuple):
