@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,10 +34,10 @@ from mems_impact.actuator.design.estimates import (
 from mems_impact.actuator.design.force_curve import force_curve
 from mems_impact.actuator.design.period_one_window import period_one_window
 from mems_impact.actuator.design.walking_drive import find_walk, snap_drive
-from mems_impact.actuator.design.wear import life, mean_normal_force
+from mems_impact.actuator.design.wear import WearRate, life, mean_normal_force
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.geometry.geometry import PREFIX
-from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, numbers_for
+from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES
 from mems_impact.actuator.report_page import (
     Block,
     DeviceReport,
@@ -48,6 +48,7 @@ from mems_impact.actuator.report_page import (
     listing,
     percent,
     picture,
+    table_listing,
     values,
 )
 from mems_impact.actuator.results import ActuatorRun
@@ -89,7 +90,7 @@ BELOW_PULL_IN = 0.8  # of the static pull-in voltage, at which the sweep begins 
 FREQUENCY_RANGE = (0.85, 1.15)  # of the drive's frequency
 WINDOW_RANGE = (0.5, 1.5)  # of the drive's amplitude, in which its window is sought
 SHOWN_ROWS = 9  # of the table of a curve
-WEAR = {"wear": (1e-13, "m^2/N"), "area": (1e-8, "m^2"), "depth": (1e-7, "m")}
+WEAR = {"wear": 1e-13, "area": 1e-8, "depth": 1e-7}
 """Assumed wear rate (of polysilicon), contact area (of a foot of 0.1 mm) and depth; SI units."""
 STEP_TOLERANCE = 0.2  # relative deviation of the step that the specification allows
 SPREAD = {"k": 0.03, "d": 0.02, "delta": 0.02, "e": 0.02, "friction": 0.05}
@@ -149,7 +150,7 @@ class ReportMaker:
         return settled
 
     @property
-    def sections(self) -> dict[str, Callable[[], Content]]:
+    def sections(self) -> dict[str, Callable[[], ReportSection]]:
         """The functions of the sections by their titles, in order."""
         return {
             "Device": self.device,
@@ -172,7 +173,7 @@ class ReportMaker:
         """The data sheet; in the units of a dimensionless device, but for electrical quantities."""
         return self.actuator.replace(units="SI").datasheet
 
-    def device(self) -> Content:
+    def device(self) -> ReportSection:
         """Return the data sheet; the parameters of a dimensionless device."""
         device = self.actuator
         sheet = self._sheet
@@ -211,7 +212,7 @@ class ReportMaker:
                 f"{self.text(holds, 'N')}; spring and electrodes pull "
                 f"with up to {self.text(sheet.pull_in_force or 0.0, 'N')}."
             )
-        return Content(blocks, {"regime": f"frame {sheet.regime}"} if sheet.regime else {})
+        return ReportSection(blocks, {"regime": f"frame {sheet.regime}"} if sheet.regime else {})
 
     def _terms(self) -> Iterator[tuple[str, str, str]]:
         for term in self.actuator.terms:
@@ -225,14 +226,14 @@ class ReportMaker:
                 yield name, field_, text
                 name = ""
 
-    def pull_in(self) -> Content:
+    def pull_in(self) -> ReportSection:
         """Return static and dynamic pull-in voltage, release voltage and resonance."""
         device = self.actuator
         if device.term("charge_drive") is not None:
             charge = self.text(pull_in_charge(device), "C")
             rows = {"pull-in charge": charge, "resonance of the block": self._resonance()}
             sentence = "Above the pull-in charge, raised slowly, the block snaps to the stopper."
-            return Content([sentence, values(rows)], {"pull-in": charge})
+            return ReportSection([sentence, values(rows)], {"pull-in": charge})
         release = resting_voltage(device)
         try:
             static = pull_in_voltage(device)
@@ -243,7 +244,7 @@ class ReportMaker:
             }
             reason = error.problem or str(error)
             sentence = f"{reason[:1].upper()}{reason[1:].partition(';')[0]}."
-            return Content([sentence, values(rows)], {"contact": rows["voltage of contact"]})
+            return ReportSection([sentence, values(rows)], {"contact": rows["voltage of contact"]})
         rows = {
             "static pull-in voltage": self.text(static, "V"),
             "dynamic pull-in voltage": self.text(pull_in_voltage(device, dynamic=True), "V"),
@@ -256,13 +257,13 @@ class ReportMaker:
             "voltage the block leaves the stopper."
         )
         facts = {"pull-in": rows["static pull-in voltage"], "release": rows["release voltage"]}
-        return Content([sentence, values(rows)], facts)
+        return ReportSection([sentence, values(rows)], facts)
 
     def _resonance(self) -> str:
         omega = math.sqrt(self.actuator.k / self.actuator.m2)
         return amount(omega / (2.0 * math.pi), "Hz") if self.si else f"omega = {amount(omega)}"
 
-    def waveform(self) -> Content:
+    def waveform(self) -> ReportSection:
         """Return the drive and its voltage over time."""
         from mems_impact.actuator.plots.drive import plot_drive
 
@@ -284,9 +285,9 @@ class ReportMaker:
                 "Voltage and electrostatic force on the block at the middle.",
             )
         )
-        return Content(blocks)
+        return ReportSection(blocks)
 
-    def motion(self) -> Content:
+    def motion(self) -> ReportSection:
         """Return the statistics and the figure of the motion."""
         from mems_impact.actuator.plots.motion import plot_run
 
@@ -341,7 +342,7 @@ class ReportMaker:
             "mean speed": rows["mean speed"],
             "motion": rows["motion"],
         }
-        return Content(blocks, facts)
+        return ReportSection(blocks, facts)
 
     def _kind(self) -> str:
         """Return whether the motion is periodic, in words."""
@@ -353,7 +354,7 @@ class ReportMaker:
             return "not periodic within the search"
         return f"periodic, period {orbit.periods}, {stability_name(orbit.stable)}"
 
-    def chart(self) -> Content:
+    def chart(self) -> ReportSection:
         """Return on- and off-voltages over the frequency."""
         from mems_impact.actuator.plots.chart import plot_chart
 
@@ -382,26 +383,32 @@ class ReportMaker:
             )
         if crises == 0 and any(region.paper == "III" for region, *_ in chart.regions):
             blocks.append("The chart omits voltages that only a simulation finds (crises).")
-        return Content([*blocks, *_chart_tables(chart, self.text)], notes=chart.notes)
+        if len(types := chart.types):
+            ends = {name: name for name in types if str(name).startswith(chart.parameters[0])}
+            headings = {"type": "type", **ends, "switches on by": "on", "switches off by": "off"}
+            blocks.append(table_listing(types, headings, "Types of switching"))
+        return ReportSection(blocks, notes=chart.notes)
 
-    def over_voltage(self) -> Content:
+    def over_voltage(self) -> ReportSection:
         """Return the working points over the voltage."""
         names = (each for each in self.drive.names if each.rpartition(".")[2] == "amplitude")
         if not (name := next(names, "")):
-            kind = type(self.drive).__name__
-            return Content(problem=f"The {kind} drive has no amplitude to vary.")
+            return self._lacking("amplitude")
         return self._curve(name, self._voltages(name))
 
-    def over_frequency(self) -> Content:
+    def over_frequency(self) -> ReportSection:
         """Return the working points over the frequency."""
         name = self.system.frequency_parameter
         if name not in self.drive.names:
-            kind = type(self.drive).__name__
-            return Content(problem=f"The {kind} drive has no frequency to vary.")
+            return self._lacking("frequency")
         low, high = (part * self.system.parameters[name] for part in FREQUENCY_RANGE)
         return self._curve(name, np.linspace(low, high, self.counts["frequencies"]))
 
-    def _curve(self, name: str, values: Any) -> Content:
+    def _lacking(self, name: str) -> ReportSection:
+        kind = type(self.drive).__name__
+        return ReportSection(problem=f"The {kind} drive has no {name} to vary.")
+
+    def _curve(self, name: str, values: Any) -> ReportSection:
         """Return the working points over a parameter of the drive."""
         from mems_impact.actuator.plots.characteristic import plot_characteristic
 
@@ -430,7 +437,7 @@ class ReportMaker:
             at = self.text(best[name], self.system.units.get(name, ""))
             speed = self.text(best["mean speed"], "m/s")
             facts = {f"largest speed over the {name}": f"{speed} at {at}"}
-        return Content(blocks, facts)
+        return ReportSection(blocks, facts)
 
     def _working_points(self, found: Characteristic) -> Listing:
         """Return some of the working points from a kick, in ascending order."""
@@ -438,20 +445,15 @@ class ReportMaker:
         rows = rows[rows["direction"] == "down"].iloc[::-1]
         chosen = np.unique(np.linspace(0, len(rows) - 1, SHOWN_ROWS).round().astype(int))
         columns = {
-            name: (name, self.system.units.get(name, "")),
-            "blows per cycle": ("blows per period", ""),
-            "step per blow": ("displacement per blow", "m"),
-            "mean speed": ("mean speed", "m/s"),
-            "energy per blow": ("energy in per blow", "J"),
-            "power": ("power in", "W"),
+            name: name,
+            "blows per cycle": "blows per period",
+            "step per blow": "displacement per blow",
+            "mean speed": "mean speed",
+            "energy per blow": "energy in per blow",
+            "power": "power in",
+            **({"life": "life"} if "life" in rows else {}),
         }
-        cells = []
-        for row in rows.iloc[chosen].to_dict("records"):
-            cells.append([self.text(row[column], unit) for column, unit in columns.values()])
-            if "life" in row:
-                cells[-1].append(duration(row["life"]))
-        headings = [*columns, *(["life"] if "life" in rows else [])]
-        return listing(headings, cells, range(len(headings)), "Some working points, from a kick")
+        return table_listing(rows.iloc[chosen], columns, "Some working points, from a kick")
 
     def _voltages(self, name: str) -> Any:
         if self.voltages is not None:
@@ -465,12 +467,11 @@ class ReportMaker:
             raise InvalidParameter(name, present, "", problem=problem)
         return np.linspace(low, high, self.counts["voltages"])
 
-    def window(self) -> Content:
+    def window(self) -> ReportSection:
         """Return the voltages between which equal blows are stable."""
         present = self.system.parameters.get("amplitude")
         if present is None:
-            kind = type(self.drive).__name__
-            return Content(problem=f"The {kind} drive has no amplitude to vary.")
+            return self._lacking("amplitude")
         ends = (WINDOW_RANGE[0] * present, WINDOW_RANGE[1] * present)
         found = period_one_window(
             self.actuator, self.drive, ends, guess=self.start,
@@ -487,9 +488,9 @@ class ReportMaker:
             "frequency of the drive. The margin is the tolerance of a voltage in the middle."
         )
         between = f"{self.text(found.low, unit)} to {self.text(found.high, unit)}"
-        return Content([text, values(rows)], {"voltage window": between})
+        return ReportSection([text, values(rows)], {"voltage window": between})
 
-    def load_curve(self) -> Content:
+    def load_curve(self) -> ReportSection:
         """Return the speed over an opposing load."""
         from mems_impact.actuator.plots.force_curve import plot_force_curve
 
@@ -500,20 +501,19 @@ class ReportMaker:
             "load that static friction holds without voltage": self.text(curve.holding_force, "N"),
             "load up to which every slip ends": self.text(curve.sliding_force, "N"),
         }
-        cells = [
-            (self.text(row["load"], "N"), self.text(row["mean speed"], "m/s"),
-             self.text(row["power"], "W"), str(row["does"]))
-            for row in curve.table.to_dict("records")
-        ]  # fmt: skip
-        headings = ("load", "mean speed", "mechanical power", "the frame")
-        figure = picture(lambda: plot_force_curve(curve).figure, "Mean speed over the load.")
+        columns = {
+            "load": "load", "mean speed": "mean speed", "mechanical power": "power",
+            "the frame": "does",
+        }  # fmt: skip
         blocks: list[Block] = [
-            "A force on the frame, against motion to the right.", values(rows), figure,
-            listing(headings, cells, range(3)),
-        ]  # fmt: skip
-        return Content(blocks, {"stall force": self.text(curve.stall_force, "N")})
+            "A force on the frame, against motion to the right.",
+            values(rows),
+            picture(lambda: plot_force_curve(curve).figure, "Mean speed over the load."),
+            table_listing(curve.table, columns),
+        ]
+        return ReportSection(blocks, {"stall force": self.text(curve.stall_force, "N")})
 
-    def energy(self) -> Content:
+    def energy(self) -> ReportSection:
         """Return the energy balance."""
         from mems_impact.actuator.plots.energy import NEGLIGIBLE_SHARE, plot_energy
 
@@ -523,14 +523,15 @@ class ReportMaker:
         rows = {"energy from the drive per cycle": self.text(per_cycle, "J")}
         rows["per blow"] = self.text(per_cycle / blows if blows > 0.0 else math.nan, "J")
         rows["mean power"] = self.text(per_cycle / float(self.system.forcing_period), "W")
-        table = balance.table
-        accounts = []
-        for row in table.to_dict("records"):
-            share, each = float(row["share"]), float(row["energy per period"])
-            if abs(share) < NEGLIGIBLE_SHARE:
-                share = each = 0.0
-            name = str(row["account"]).replace("_", " ")
-            accounts.append((name, str(row["kind"]), self.text(each, "J"), percent(share)))
+        accounts = balance.table
+        negligible = accounts["share"].abs() < NEGLIGIBLE_SHARE
+        accounts = accounts.assign(**{
+            name: accounts[name].mask(negligible, 0.0) for name in ("energy per period", "share")
+        })  # fmt: skip
+        columns = {
+            "account": "account", "kind": "kind", "energy per cycle": "energy per period",
+            "share": "share",
+        }  # fmt: skip
         text = (
             "The balance of the work of the electrodes on the block. The field energy of the "
             "electrodes returns to the voltage source and is not counted."
@@ -538,16 +539,16 @@ class ReportMaker:
         blocks: list[Block] = [
             text,
             values(rows),
-            listing(("account", "kind", "energy per cycle", "share"), accounts, (2, 3)),
+            table_listing(accounts, columns),
         ]
         if balance.input > 0.0:
             blocks.append(picture(lambda: plot_energy(balance).figure, "Energy per cycle."))
-        return Content(blocks, {"energy per cycle": rows["energy from the drive per cycle"]})
+        return ReportSection(blocks, {"energy per cycle": rows["energy from the drive per cycle"]})
 
-    def life(self) -> Content:
+    def life(self) -> ReportSection:
         """Return wear and life."""
         if not self.si:
-            return Content(problem="A wear rate is in SI, but the device is dimensionless.")
+            return ReportSection(problem="A wear rate is in SI, but the device is dimensionless.")
         result = life(self.run, **self.wear)
         rows = {
             "specific wear rate": f"{self.wear['wear']:.3g} m³/(N m)",
@@ -568,9 +569,9 @@ class ReportMaker:
             text += " Wear rate, area and depth are assumed: replace them by measured values."
         label = "life (assumed wear)" if self.assumed_wear else "life"
         lasting = duration(result.time)
-        return Content([text, values(rows)], {label: lasting})
+        return ReportSection([text, values(rows)], {label: lasting})
 
-    def spread(self) -> Content:
+    def spread(self) -> ReportSection:
         """Return a sample of manufacturing tolerances and its yield."""
         from mems_impact.plotting.uncertainty import plot_tolerance_analysis
 
@@ -582,7 +583,7 @@ class ReportMaker:
             ends = sorted((step * (1.0 - STEP_TOLERANCE), step * (1.0 + STEP_TOLERANCE)))
             specification = {column: (ends[0], ends[1])}
         if specification is None:
-            return Content(problem="The device makes no step here; give a specification.")
+            return ReportSection(problem="The device makes no step here; give a specification.")
         analysis = tolerance_analysis(
             self.system, over=over, parameters=making, samples=self.counts["samples"],
             rng=self.seed, specification=specification, initial=self.start,
@@ -617,9 +618,9 @@ class ReportMaker:
                 "Distribution over the devices; dashed lines bound the specification.",
             ),
         ]
-        return Content(blocks, {"yield": percent(last["share"])})
+        return ReportSection(blocks, {"yield": percent(last["share"])})
 
-    def corners(self) -> Content:
+    def corners(self) -> ReportSection:
         """Return the quantities of devices at the ends of each tolerance, and of all together."""
         over, making, _ = self._tolerances()
         spread = distributions(over, self.system)
@@ -642,7 +643,7 @@ class ReportMaker:
         )
         headings = ("corner", "pull-in", "resonance", "blows per cycle", "step per cycle",
                     "mean speed")  # fmt: skip
-        return Content([text, listing(headings, rows, range(1, 6))])
+        return ReportSection([text, listing(headings, rows, range(1, 6))])
 
     def _corner(
         self, name: str, drawn: Mapping[str, float], making: Any
@@ -709,35 +710,9 @@ class ReportMaker:
         return over, parameters, rows
 
 
-class Content(NamedTuple):
-    """Contents of a section that was computed."""
-
-    blocks: Sequence[Block] = ()
-    facts: Mapping[str, str] = {}
-    notes: Sequence[str] = ()
-    problem: str = ""
-
-
 def _end_in_words(kind: str) -> str:
     """Return the kind of an end of a window; "bound" is the end of the search."""
     return "end of the search" if kind == "bound" else kind
-
-
-def _chart_tables(chart: Any, text: Callable[[float, str], str]) -> list[Block]:
-    """Return the types of a chart as a table, if it has any."""
-    types = chart.types
-    if not len(types):
-        return []
-    name = chart.parameters[0]
-    unit = "Hz" if name == "frequency" else "rad/s"
-    ends = [column for column in types.columns if str(column).startswith(name)]
-    rows = [
-        (str(row["type"]), *(text(row[end], unit) for end in ends), str(row["on"]),
-         str(row["off"]))
-        for row in types.to_dict("records")
-    ]  # fmt: skip
-    headings = ("type", *map(str, ends), "switches on by", "switches off by")
-    return [listing(headings, rows, range(1, 1 + len(ends)), "Types of switching")]
 
 
 def _distribution_text(distribution: Any) -> str:
@@ -871,12 +846,8 @@ def report(
         else max(MIN_PERIODS, min(MAX_PERIODS[name], math.ceil(OSCILLATIONS[name] / per_period)))
         for name, length in (("transient", transient), ("periods", periods))
     }
-    numbers = {}
-    for name, value in (("wear", wear), ("area", area), ("depth", depth)):
-        usual, unit = WEAR[name]
-        numbers[name] = usual if value is None else numbers_for(actuator, name, value, unit)
-        if not (is_number(numbers[name]) and numbers[name] > 0.0):
-            raise InvalidParameter(name, value, "a finite number > 0")
+    given = {"wear": wear, "area": area, "depth": depth}
+    known = {name: WEAR[name] if value is None else value for name, value in given.items()}
     maker = ReportMaker(
         actuator=actuator,
         drive=_in_hertz(system),
@@ -887,8 +858,8 @@ def report(
         voltages=voltages,
         tolerances=tolerances,
         specification=specification,
-        wear=numbers,
-        assumed_wear=None in (wear, area, depth),
+        wear=WearRate.of(actuator.scales.named, **known)._asdict(),
+        assumed_wear=None in given.values(),
         initial=initial,
     )
     titles = list(maker.sections if only is None else only)
@@ -923,22 +894,16 @@ def report(
     return page
 
 
-def _computed(title: str, compute: Callable[[], Content]) -> ReportSection:
+def _computed(title: str, compute: Callable[[], ReportSection]) -> ReportSection:
     """Return a section, or the reason why it cannot be computed."""
     with collected_warnings() as collected:
         try:
-            content = compute()
+            section = compute()
         except MemsImpactError as error:
             text = str(error)
             return ReportSection(title=title, problem=text[:1].upper() + text[1:].rstrip(".") + ".")
     warned = [each.message for each in first_of_each(collected)]
-    return ReportSection(
-        title=title,
-        problem=content.problem,
-        blocks=tuple(content.blocks),
-        facts=dict(content.facts),
-        notes=(*content.notes, *warned),
-    )
+    return replace(section, title=title, notes=(*section.notes, *warned))
 
 
 def _drive_for(actuator: Actuator) -> tuple[Drive, str]:

@@ -7,17 +7,21 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from importlib.metadata import version
 from importlib.resources import files
 from io import BytesIO
 from string import Template
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mems_impact._util.files import replacing
 from mems_impact._util.formatting import escape
 from mems_impact._util.units import si_prefixed
 from mems_impact.systems.result import SummaryRepr
+from mems_impact.tables import unit_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "Block",
@@ -30,6 +34,7 @@ __all__ = [
     "listing",
     "percent",
     "picture",
+    "table_listing",
     "values",
 ]
 
@@ -56,16 +61,16 @@ Block = str | Picture | Listing
 """A paragraph, a figure or a table."""
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
+@dataclass(frozen=True, repr=False)
 class ReportSection(SummaryRepr):
     """A section of a report."""
 
-    title: str
-    problem: str = ""  # why the section could not be computed; empty if it could
-    blocks: tuple[Block, ...] = field(default=(), repr=False)  # paragraphs, figures and tables
+    blocks: Sequence[Block] = field(default=(), repr=False)  # paragraphs, figures and tables
     # The main results, for the head of the page.
     facts: Mapping[str, str] = field(default_factory=dict, repr=False)
-    notes: tuple[str, ...] = field(default=(), repr=False)  # warnings of the computation
+    notes: Sequence[str] = field(default=(), repr=False)  # warnings of the computation
+    problem: str = ""  # why the section could not be computed; empty if it could
+    title: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -221,6 +226,23 @@ def listing(
         tuple(i in numeric for i in range(len(headings))),
         caption,
     )
+
+
+def table_listing(table: pd.DataFrame, columns: Mapping[str, str], caption: str = "") -> Listing:
+    """Return a table of columns of a result, by their headings."""
+    from pandas.api.types import is_numeric_dtype
+
+    units, kinds = table.attrs.get("units", {}), {"share": percent, "life": duration}
+
+    def texts(name: str) -> list[str]:
+        if not is_numeric_dtype(table[name]):
+            return [str(value).replace("_", " ") for value in table[name]]
+        as_text = kinds.get(name, partial(amount, unit=unit_of(name, units)))
+        return [as_text(float(value)) for value in table[name]]
+
+    numeric = [i for i, name in enumerate(columns.values()) if is_numeric_dtype(table[name])]
+    rows = zip(*map(texts, columns.values()), strict=True)
+    return listing(tuple(columns), list(rows), numeric, caption)
 
 
 def values(rows: Mapping[str, str], caption: str = "") -> Listing:
