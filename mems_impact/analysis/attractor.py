@@ -516,11 +516,7 @@ class _Exponents:
         self._stretching: LyapunovIntegrator | None = None
 
     def largest(
-        self,
-        problem: Problem,
-        start: HybridState,
-        periods: int,
-        progress: Callable[[float], None],
+        self, problem: Problem, start: HybridState, periods: int, progress: Callable[[float], None]
     ) -> tuple[float, float, int]:
         """Return the largest exponent per period, its error and the periods it took.
 

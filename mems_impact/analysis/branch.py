@@ -51,12 +51,7 @@ from mems_impact.systems.base import HybridSystem
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "Branch",
-    "continue_solution",
-    "joined_branch",
-    "switch_branch",
-]
+__all__ = ["Branch", "continue_solution", "joined_branch", "switch_branch"]
 
 MIN_EXTRAPOLATED = 3  # cycles from which the homoclinic value is extrapolated
 BRANCH_STEPS = StepControl(max_step=0.02)  # so that a branch is smooth to the eye
@@ -524,10 +519,7 @@ def _homoclinic_end(system: HybridSystem, branch: OrbitBranch) -> HomoclinicEnd 
     rate = min(abs(float(each[0].real)) for each in pair)
     value, error = homoclinic_value(values, periods / passage.passages, rate)
     return HomoclinicEnd(
-        parameter=branch.parameter,
-        value=value,
-        error=error,
-        saddle=equilibrium_of(system, saddle),
+        parameter=branch.parameter, value=value, error=error, saddle=equilibrium_of(system, saddle)
     )
 
 

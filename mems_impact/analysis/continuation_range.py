@@ -8,13 +8,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import is_number
 
-__all__ = [
-    "amount",
-    "check_bounds",
-    "check_value",
-    "checked_ends",
-    "checked_range",
-]
+__all__ = ["amount", "check_bounds", "check_value", "checked_ends", "checked_range"]
 
 
 def checked_ends(system: HybridSystem, parameter: str, stop: Any, back: Any) -> tuple[Any, Any]:

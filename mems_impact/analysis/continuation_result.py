@@ -11,9 +11,7 @@ from mems_impact.analysis.solution import S, solution_of
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 
-__all__ = [
-    "ContinuationResult",
-]
+__all__ = ["ContinuationResult"]
 
 
 class ContinuationResult(Result, Generic[S]):

@@ -37,11 +37,7 @@ from mems_impact.systems.base import HybridSystem
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "Curve",
-    "continue_curve",
-    "curve_of",
-]
+__all__ = ["Curve", "continue_curve", "curve_of"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

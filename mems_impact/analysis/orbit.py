@@ -38,10 +38,7 @@ from mems_impact.systems.base import HybridSystem, system_at
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole, with_units
-from mems_impact.systems.statistics import (
-    SAMPLES_PER_PERIOD,
-    largest_values,
-)
+from mems_impact.systems.statistics import SAMPLES_PER_PERIOD, largest_values
 from mems_impact.systems.typical_scales import warn_if_below_differences
 from mems_impact.systems.window_statistics import Moments
 from mems_impact.tables import CHATTER_ENDS, DRIVE_SWITCHES
@@ -577,10 +574,7 @@ def find_orbit(
     try:
         if system.forced:
             solution = orbit_search.find_periodic_orbit(
-                family,
-                start,
-                periods=periods,
-                transient=float(transient),
+                family, start, periods=periods, transient=float(transient)
             )
         else:
             solution = orbit_search.find_cycle(

@@ -186,10 +186,7 @@ class Settling(SummaryRepr):
 
 
 def settling_of(
-    system: HybridSystem,
-    trajectory: Trajectory,
-    window: TimeWindow,
-    values: Mapping[str, float],
+    system: HybridSystem, trajectory: Trajectory, window: TimeWindow, values: Mapping[str, float]
 ) -> Settling:
     """Return the settling of the statistics of a run, by their values over blocks of the run.
 

@@ -11,13 +11,7 @@ from mems_impact._util.progress import progress_bar
 from mems_impact._util.warning_scopes import warn
 from mems_impact.analysis.run import Keep, Run
 from mems_impact.analysis.settling import checkpoint_grid
-from mems_impact.errors import (
-    FunctionError,
-    Interrupted,
-    InvalidParameter,
-    LengthWarning,
-    RunError,
-)
+from mems_impact.errors import FunctionError, Interrupted, InvalidParameter, LengthWarning, RunError
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
@@ -235,11 +229,7 @@ def simulate(
 
 
 def _length(
-    system: HybridSystem,
-    periods: float | None,
-    duration: Any,
-    until: Any,
-    period: float,
+    system: HybridSystem, periods: float | None, duration: Any, until: Any, period: float
 ) -> float:
     """Return the length of a run in periods of the problem."""
     duration = system.units.parse("time", duration, "duration")

@@ -38,11 +38,7 @@ def row(solution: Solution, **leading: int) -> dict[str, Any]:
     stability = {"stable": solution.stable, "admissible": solution.admissible}
     if isinstance(solution, Equilibrium):
         values = {name: np.array([solution.state[name]]) for name in _states(solution.system)}
-        return {
-            **stability,
-            "largest real part": _largest_real_part(solution),
-            "states": values,
-        }
+        return {**stability, "largest real part": _largest_real_part(solution), "states": values}
     period = {} if solution.system.forced else {"period": solution.period}
     measures = {
         "largest multiplier": MEASURES["largest multiplier"](solution),

@@ -26,11 +26,7 @@ from mems_impact.continuation.normal_forms import (
 )
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.continuation.sliding import is_discontinuity
-from mems_impact.continuation.test_functions import (
-    ClosestApproachTest,
-    ContactSpeedTest,
-    FoldTest,
-)
+from mems_impact.continuation.test_functions import ClosestApproachTest, ContactSpeedTest, FoldTest
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit

@@ -58,8 +58,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         system.check_parameter(follow[0])
     with options["output"](KIND) as files:
         basins = run_saving_partial(
-            lambda: mi.basins(system, **arguments),
-            lambda table: files.tables({"table": table}),
+            lambda: mi.basins(system, **arguments), lambda table: files.tables({"table": table})
         )
         files.tables(
             {"table": basins.table, "attractors": basins.attractors, "returns": basins.returns}

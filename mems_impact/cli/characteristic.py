@@ -7,12 +7,7 @@ from collections.abc import Callable
 import click
 
 from mems_impact.cli.arguments import Command, function_options, given_arguments
-from mems_impact.cli.inputs import (
-    arguments_for,
-    device_system,
-    run_saving_partial,
-    values_of_axis,
-)
+from mems_impact.cli.inputs import arguments_for, device_system, run_saving_partial, values_of_axis
 from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import Output, show_table
 from mems_impact.cli.value_types import RangeType, symbol_of

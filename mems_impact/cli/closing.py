@@ -35,11 +35,7 @@ FUNCTION = "mems_impact.actuator.design.closing:closing"
 @output_options
 @click.pass_context
 def command(
-    ctx: click.Context,
-    *,
-    device: str,
-    changes: dict[str, float],
-    output: Callable[[str], Output],
+    ctx: click.Context, *, device: str, changes: dict[str, float], output: Callable[[str], Output]
 ) -> None:
     """Compute closing time, bounces, impact speeds and settling of the contact of DEVICE.
 

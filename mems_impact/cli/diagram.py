@@ -26,10 +26,7 @@ FUNCTION = "mems_impact.studies.diagram_construction:bifurcation_diagram"
 @click.command(cls=Command, short_help="Compute a bifurcation diagram.")
 @device_options
 @click.argument("axis", metavar="NAME=LOW:HIGH", type=RangeType())
-@function_options(
-    FUNCTION,
-    omit=("parameter", "bounds", "recurrence"),
-)
+@function_options(FUNCTION, omit=("parameter", "bounds", "recurrence"))
 @drive_options
 @output_options
 def command(

@@ -21,12 +21,7 @@ from mems_impact.cli.output import Output, OutputValue, show, show_values
 @device_options
 @drive_options
 @output_options
-def command(
-    *,
-    device: str,
-    changes: dict[str, float],
-    output: Callable[[str], Output],
-) -> None:
+def command(*, device: str, changes: dict[str, float], output: Callable[[str], Output]) -> None:
     """Show forcing period, switching times and electrostatic force of a voltage on DEVICE.
 
     \b

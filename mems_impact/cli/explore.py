@@ -49,13 +49,7 @@ FUNCTION = "mems_impact.explorer.session:subject_of_device"
 @click.option(
     "--browser/--no-browser", default=True, show_default=True, help="Open the page in a browser."
 )
-def command(
-    *,
-    device: str,
-    changes: dict[str, float],
-    port: int,
-    browser: bool,
-) -> None:
+def command(*, device: str, changes: dict[str, float], port: int, browser: bool) -> None:
     """Explore DEVICE (zhao2004 by default) on a page in the browser.
 
     \b

@@ -16,10 +16,7 @@ __all__ = ["INTERRUPTED", "TERMINATED", "interruptible"]
 # Exit statuses: 128 plus the number of the signal, as in a shell.
 INTERRUPTED, TERMINATED = 130, 143
 
-_IMPORTS = {
-    ExtensionFileLoader.create_module.__code__,
-    ExtensionFileLoader.exec_module.__code__,
-}
+_IMPORTS = {ExtensionFileLoader.create_module.__code__, ExtensionFileLoader.exec_module.__code__}
 
 
 @contextlib.contextmanager

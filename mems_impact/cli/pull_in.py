@@ -34,10 +34,7 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     values, reason = {}, ""
     quantities = OF_DEVICE
     if drive_unit(actuator.terms) == "C":
-        quantities = {
-            "pull-in charge": (pull_in_charge, "C"),
-            "resonance": OF_DEVICE["resonance"],
-        }
+        quantities = {"pull-in charge": (pull_in_charge, "C"), "resonance": OF_DEVICE["resonance"]}
     for name, (compute, unit) in quantities.items():
         try:
             values[name] = OutputValue(compute(actuator), unit)

@@ -125,9 +125,7 @@ def _types(module: str, annotation: ast.AST | None) -> Iterator[str]:
             yield ast.unparse(annotation)
 
 
-def _texts(
-    definition: ast.FunctionDef | ast.ClassDef,
-) -> dict[str, tuple[tuple[Any, ...], str]]:
+def _texts(definition: ast.FunctionDef | ast.ClassDef) -> dict[str, tuple[tuple[Any, ...], str]]:
     """Return choices and first sentence of each entry of the section Parameters of a docstring."""
     docstring = ast.get_docstring(definition) or ""
     section = docstring.partition("Parameters\n----------\n")[2].partition("\n---")[0]

@@ -35,11 +35,7 @@ FUNCTION = "mems_impact.actuator.design.soft_landing:soft_landing"
 @output_options
 @click.pass_context
 def command(
-    ctx: click.Context,
-    *,
-    device: str,
-    changes: dict[str, float],
-    output: Callable[[str], Output],
+    ctx: click.Context, *, device: str, changes: dict[str, float], output: Callable[[str], Output]
 ) -> None:
     """Find pulse and pause that close the contact of DEVICE at the least impact speed.
 

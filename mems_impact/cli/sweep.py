@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.arguments import Command, function_options
-from mems_impact.cli.inputs import (
-    arguments_for,
-    device_system,
-    run_saving_partial,
-    values_of_axis,
-)
+from mems_impact.cli.inputs import arguments_for, device_system, run_saving_partial, values_of_axis
 from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import Output, add_json_tables, show, show_table, unit_of
 from mems_impact.cli.value_types import RangeType, symbol_of

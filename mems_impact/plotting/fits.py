@@ -22,12 +22,7 @@ QUANTILE = 5.991  # of chi-square with two degrees of freedom, at 95 %
 
 
 @styled
-def plot_fit(
-    fit: Fit,
-    ax: Any = None,
-    *,
-    kind: Literal["data", "ellipses"] = "data",
-) -> Axes:
+def plot_fit(fit: Fit, ax: Any = None, *, kind: Literal["data", "ellipses"] = "data") -> Axes:
     """Draw a fit: data over the fitted motion with residuals, or confidence ellipses.
 
     Parameters

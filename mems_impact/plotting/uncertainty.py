@@ -117,10 +117,7 @@ MAX_HISTOGRAMS = 4  # most quantities by default
 
 @styled
 def plot_tolerance_analysis(
-    analysis: Spread | StoredStudy,
-    ax: Any = None,
-    *,
-    quantity: str | Sequence[str] | None = None,
+    analysis: Spread | StoredStudy, ax: Any = None, *, quantity: str | Sequence[str] | None = None
 ) -> Axes:
     """Draw histograms of quantities with their specification, and Sobol indices.
 
@@ -285,10 +282,7 @@ def _bars(ax: Any, analysis: Spread, name: str) -> None:
     symbols = table.attrs.get("symbols", {})
     positions = np.arange(len(rows))[::-1]
     style, guide = {"capsize": 0.0, "elinewidth": 1.0}, color("guide")
-    for order, face, edge, shift in (
-        ("total", "none", guide, 0.13),
-        ("first", PALE, PALE, -0.13),
-    ):
+    for order, face, edge, shift in (("total", "none", guide, 0.13), ("first", PALE, PALE, -0.13)):
         middle = rows[order].to_numpy()
         ax.barh(positions, middle, height=0.62, color=face, edgecolor=edge, linewidth=0.9)
         reach = np.stack([middle - rows[f"{order} low"], rows[f"{order} high"] - middle])

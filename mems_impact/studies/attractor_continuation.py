@@ -31,13 +31,7 @@ from mems_impact.studies.attractor_matching import (
 from mems_impact.studies.attractor_study import AttractorEvaluator, motions
 from mems_impact.studies.basins import Basins, BasinsStudy
 from mems_impact.studies.engine.scheduler import completed_study, run_study
-from mems_impact.studies.engine.study import (
-    OK,
-    STATUS,
-    Columns,
-    Study,
-    row_label,
-)
+from mems_impact.studies.engine.study import OK, STATUS, Columns, Study, row_label
 from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
 from mems_impact.systems.parameter_result import ParameterResult
 from mems_impact.systems.serialization.identity import identity_of_state

@@ -584,15 +584,7 @@ def bifurcation_diagram(
             resume = replace(resume, finished=())
     with progress_bar(progress, "branches", work="bifurcation diagram") as report:
         builder = DiagramBuilder(
-            search,
-            bounds,
-            depth,
-            longest,
-            steps,
-            options,
-            report,
-            store,
-            inputs,
+            search, bounds, depth, longest, steps, options, report, store, inputs
         )
         if resume is not None:
             builder.resume(resume)

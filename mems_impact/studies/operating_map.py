@@ -11,11 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mems_impact.analysis.attractor import (
-    STUDY_OPTIONS,
-    InitialCondition,
-    RecurrenceOptions,
-)
+from mems_impact.analysis.attractor import STUDY_OPTIONS, InitialCondition, RecurrenceOptions
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.attractor_study import (

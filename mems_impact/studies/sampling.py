@@ -65,10 +65,7 @@ class Interval(NamedTuple):
 
 
 def axis(
-    field: str,
-    pair: tuple[str, ArrayLike | Interval],
-    names: tuple[str, ...],
-    system: HybridSystem,
+    field: str, pair: tuple[str, ArrayLike | Interval], names: tuple[str, ...], system: HybridSystem
 ) -> Axis:
     """Return an axis from a pair of name and values, which may be texts with units.
 

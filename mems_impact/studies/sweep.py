@@ -22,12 +22,7 @@ from mems_impact.analysis.attractor import STUDY_OPTIONS
 from mems_impact.analysis.run import Run, check_direction
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.steady_state import steady_state
-from mems_impact.errors import (
-    FunctionError,
-    InvalidParameter,
-    MemsImpactError,
-    RunError,
-)
+from mems_impact.errors import FunctionError, InvalidParameter, MemsImpactError, RunError
 from mems_impact.hybrid.simulation import INSTANT_RTOL
 from mems_impact.integrators.availability import is_compiled
 from mems_impact.integrators.options import Options

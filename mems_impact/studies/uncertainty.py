@@ -13,11 +13,7 @@ import numpy as np
 import pandas as pd
 
 from mems_impact._util.arrays import Floats
-from mems_impact.analysis.attractor import (
-    STUDY_OPTIONS,
-    InitialCondition,
-    RecurrenceOptions,
-)
+from mems_impact.analysis.attractor import STUDY_OPTIONS, InitialCondition, RecurrenceOptions
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.attractor_study import (

@@ -10,13 +10,7 @@ from typing import Any, Literal
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.simulation import Events, Trajectory
 
-__all__ = [
-    "MULTIPLIER",
-    "EventObserver",
-    "EventRecorder",
-    "Observable",
-    "Quantity",
-]
+__all__ = ["MULTIPLIER", "EventObserver", "EventRecorder", "Observable", "Quantity"]
 
 # --- Observables
 

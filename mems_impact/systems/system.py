@@ -194,9 +194,7 @@ class System(HybridSystem):
         projection: Callable[..., Any] | None = None
         if parts:
             arguments.reject_with_components(
-                modes=modes,
-                switch_transition=switch_transition,
-                constraints=constraints,
+                modes=modes, switch_transition=switch_transition, constraints=constraints
             )
             assembled = assemble(
                 parts,

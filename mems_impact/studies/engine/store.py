@@ -63,10 +63,7 @@ __all__ = ["ChunkStore", "MemoryStore", "StoredStudy", "open_store", "read_study
 
 # --- Differences of two studies
 
-CONTAINER_KINDS = (
-    "dict",
-    "list",
-)  # internal names of `serialization.codec`, unknown to users
+CONTAINER_KINDS = ("dict", "list")  # internal names of `serialization.codec`, unknown to users
 _NONE = "nothing"
 
 

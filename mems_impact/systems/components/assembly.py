@@ -35,22 +35,10 @@ from mems_impact.hybrid.definition import (
 from mems_impact.hybrid.event_loop.workspace import NO_FIT
 from mems_impact.hybrid.time_dependence import time_error
 from mems_impact.integrators.dual_numbers import along, with_rate
-from mems_impact.systems.components.base import (
-    CodeNames,
-    Contact,
-    GuardSpec,
-    Limit,
-    Part,
-    Quantity,
-)
+from mems_impact.systems.components.base import CodeNames, Contact, GuardSpec, Limit, Part, Quantity
 from mems_impact.systems.components.contact_forces import ContactForces, ForcedContact
 from mems_impact.systems.components.friction import Friction
-from mems_impact.systems.components.sliding import (
-    ALL_SURFACES,
-    START,
-    Sliding,
-    SlidingMotions,
-)
+from mems_impact.systems.components.sliding import ALL_SURFACES, START, Sliding, SlidingMotions
 from mems_impact.systems.components.statics import Holding
 from mems_impact.systems.components.switching_surface import SwitchingSurface
 

@@ -553,10 +553,7 @@ class Sliding:
                 for digit, row in ((f"other{i}", "x"), (names.mode, "own"))
             )
             body.append(f"differ = differ and (other{i} == {names.mode} or {' and '.join(leaves)})")
-        body += [
-            "if differ and fits(near, before, fired, -1, jumped, t, y, p):",
-            "    return near",
-        ]
+        body += ["if differ and fits(near, before, fired, -1, jumped, t, y, p):", "    return near"]
         digits = [f"other{i} = other // {3**i} % 3" for i in range(self.k)]
         loop = [f"for other in range({3**self.k}):", *indented([*digits, *body])]
         if self.k > 1:

@@ -314,10 +314,7 @@ class Holding:
             )
             lines.append(f"way{i} = {''.join(each)}0")
             # A moving contact is not part of a ring at rest.
-            lines += [
-                f"if way{i} != 0 and not {part.could_hold(names)}:",
-                f"    way{i} = {MOVING}",
-            ]
+            lines += [f"if way{i} != 0 and not {part.could_hold(names)}:", f"    way{i} = {MOVING}"]
         for ring, turn in itertools.product(rings, (1, -1)):
             directions = {i: f"way{i}" if sign == turn else f"-way{i}" for i, sign in ring.items()}
             rubs = [

@@ -131,9 +131,7 @@ class SwitchingSurface(Part):
         sign = f"(1.0 if {names.mode} == {ABOVE} else -1.0)"
         return [
             GuardSpec(
-                name=self.name,
-                modes=(ABOVE, BELOW),
-                margin=f"{sign} * {self.height(names)}",
+                name=self.name, modes=(ABOVE, BELOW), margin=f"{sign} * {self.height(names)}"
             ),
             *(
                 GuardSpec(
