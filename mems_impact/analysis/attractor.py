@@ -22,7 +22,7 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.lyapunov import LyapunovIntegrator, largest
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem, conversion
-from mems_impact.systems.state import State, is_number, whole
+from mems_impact.systems.state import State, is_number, positive, whole
 from mems_impact.systems.statistics import (
     CHAOTIC,
     FAILED,
@@ -39,6 +39,7 @@ __all__ = [
     "Attractor",
     "InitialCondition",
     "RecurrenceOptions",
+    "check_recurrence",
     "map_attractors",
     "same_attractor",
     "states_at_returns",
@@ -54,9 +55,7 @@ CLASSIFICATION_RTOL = 1e-7
 # Largest number of periods over which an exponent is computed: at first, and for a motion that has
 # been followed for longer; most exponents have a sign long before.
 EXPONENT_PERIODS, LONGEST_EXPONENT_PERIODS = 3_000, 24_000
-LARGEST_SWING = (
-    3.0  # logarithm of the factor by which perturbations of quasi-periodic motions swing
-)
+LARGEST_SWING = 3.0  # logarithm of the factor by which quasi-periodic perturbations swing
 MAX_PERIOD_FACTOR = 4  # of `longest`: the longest period of a motion unsettled otherwise
 SAME_ATTRACTOR_RTOL = 1e-3  # distance of equal orbits, in sizes of the states
 NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are nearly the same
@@ -125,10 +124,8 @@ class RecurrenceOptions:
     chaos_persistence: float = 16.0
 
     def __post_init__(self) -> None:
-        for name, least in (("transient", ">= 0"), ("periods", "> 0")):
-            value = getattr(self, name)
-            if not is_number(value) or value < 0.0 or (value == 0.0 and name == "periods"):
-                raise InvalidParameter(name, value, f"a finite number {least}")
+        positive("transient", self.transient, zero=True)
+        positive("periods", self.periods)
         whole("longest", self.longest, 1)
         if not (is_number(self.tolerance) and 0.0 < self.tolerance < 0.1):
             raise InvalidParameter("tolerance", self.tolerance, "a number above 0 and below 0.1")
@@ -139,6 +136,12 @@ class RecurrenceOptions:
             raise InvalidParameter(
                 "chaos_persistence", self.chaos_persistence, "a finite number >= 1"
             )
+
+
+def check_recurrence(options: object) -> None:
+    """Raise InvalidParameter unless options are those of recurrence detection."""
+    if not isinstance(options, RecurrenceOptions):
+        raise InvalidParameter("recurrence", options, "a RecurrenceOptions(…)")
 
 
 @dataclass(frozen=True, kw_only=True)

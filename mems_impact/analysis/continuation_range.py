@@ -6,7 +6,7 @@ from typing import Any
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.base import HybridSystem
-from mems_impact.systems.state import is_number
+from mems_impact.systems.state import interval, is_number
 
 __all__ = ["amount", "check_bounds", "check_value", "checked_ends", "checked_range"]
 
@@ -47,14 +47,10 @@ def checked_range(
     system: HybridSystem, parameter: str, bounds: tuple[float | str, float | str]
 ) -> tuple[float, float]:
     """Return the bounds of a parameter as numbers, the lower one first."""
-    if not isinstance(bounds, tuple | list) or len(bounds) != 2:
-        raise InvalidParameter("bounds", bounds, f"the lowest and the highest {parameter}")
-    low, high = (system.units.parse(parameter, each, "bounds") for each in bounds)
-    for value in (low, high):
-        check_value(system, parameter, "bounds", value)
-    if not low < high:
-        raise InvalidParameter("bounds", (low, high), "a lower and a higher number")
-    return float(low), float(high)
+    ends = interval("bounds", bounds, system.units.parse(parameter, bounds, "bounds"))
+    for value in ends:
+        system.changed(**{parameter: value})
+    return ends
 
 
 def check_value(system: HybridSystem, parameter: str, field: str, value: Any) -> None:

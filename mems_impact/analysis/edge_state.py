@@ -18,6 +18,7 @@ from mems_impact.analysis.attractor import (
     Attractor,
     InitialCondition,
     RecurrenceOptions,
+    check_recurrence,
     map_attractors,
     same_attractor,
     states_at_returns,
@@ -32,7 +33,7 @@ from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
-from mems_impact.systems.state import State, is_number, whole
+from mems_impact.systems.state import State, positive, whole
 from mems_impact.systems.statistics import FAILED, UNSETTLED
 from mems_impact.tables import captions
 from mems_impact.tables import table as labelled
@@ -310,16 +311,15 @@ def edge_state(
     returns = whole("returns", returns, 1)
     bounds = {"min_distance": min_distance, "max_distance": max_distance}
     for name, value in (*bounds.items(), ("tolerance", tolerance)):
-        if not (is_number(value) and value > 0.0):
-            raise InvalidParameter(name, value, "a finite number > 0")
+        positive(name, value)
     if max_distance <= min_distance:
         allowed = f"above min_distance = {min_distance:g}"
         raise InvalidParameter("max_distance", max_distance, allowed)
-    if step is not None and (system.forced or not (is_number(step) and step > 0.0)):
-        allowed = "None: the system has a forcing period" if system.forced else "a number > 0"
-        raise InvalidParameter("step", step, allowed)
-    if not isinstance(recurrence, RecurrenceOptions):
-        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
+    if step is not None:
+        positive("step", step)
+        if system.forced:
+            raise InvalidParameter("step", step, "None: the system has a forcing period")
+    check_recurrence(recurrence)
     # The states are bisected and followed by the same numerics: other errors of the bisection would
     # move the boundary, by more than `min_distance`, away from the states that are followed.
     problem = system.problem(options)

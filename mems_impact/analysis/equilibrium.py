@@ -18,7 +18,7 @@ from mems_impact.orbits.equilibrium import EquilibriumState, find_equilibrium
 from mems_impact.systems.base import HybridSystem, system_at
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
-from mems_impact.systems.state import State, is_number, whole
+from mems_impact.systems.state import State, interval, whole
 
 __all__ = ["Equilibrium", "checked_box", "equilibrium_of", "find_equilibria"]
 
@@ -250,16 +250,15 @@ def checked_box(
     system: HybridSystem, box: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
     """Return ranges of states as numbers; InvalidParameter for others."""
+    if not isinstance(box, Mapping):
+        allowed = f'ends of some states, {{"{system.states[0]}": (low, high)}}'
+        raise InvalidParameter("box", box, allowed)
     checked = {}
     for name, pair in box.items():
         if name not in system.states:
             raise InvalidParameter("box", name, f"one of {', '.join(system.states)}")
-        field = f"box[{name!r}]"
-        ends = system.units.parse(name, pair, field)
-        is_pair = isinstance(ends, tuple | list) and len(ends) == 2 and all(map(is_number, ends))
-        if not is_pair or not ends[0] < ends[1]:
-            raise InvalidParameter(field, pair, "a lower and a higher number")
-        checked[name] = float(ends[0]), float(ends[1])
+        label = f"box.{name}"
+        checked[name] = interval(label, pair, system.units.parse(name, pair, label))
     return checked
 
 

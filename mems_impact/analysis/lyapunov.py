@@ -25,7 +25,7 @@ from mems_impact.orbits.period_detection import returns
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
-from mems_impact.systems.state import State, is_number, whole
+from mems_impact.systems.state import State, positive, whole
 from mems_impact.systems.statistics import CHAOTIC, PERIODIC, QUASI_PERIODIC
 from mems_impact.systems.typical_scales import warn_if_below_differences
 
@@ -295,18 +295,18 @@ def lyapunov(
         raise InvalidParameter(
             "count", count, f"1 to {free}, the number of states that are not cyclic"
         )
-    if not (is_number(tolerance) and tolerance > 0.0):
-        raise InvalidParameter("tolerance", tolerance, "a finite number > 0")
-    if transient is not None and not (is_number(transient) and transient >= 0.0):
-        raise InvalidParameter("transient", transient, "a finite number >= 0")
+    positive("tolerance", tolerance)
+    if transient is not None:
+        positive("transient", transient, zero=True)
     max_periods = DEFAULT_PERIODS
     for name, value in (("periods", periods), ("duration", duration)):
-        if value is not None and not (is_number(value) and value > 0.0):
-            raise InvalidParameter(name, value, "a finite number > 0")
+        if value is not None:
+            positive(name, value)
     if periods is not None:
         if not system.forced or duration is not None:
-            other = "both periods= and duration= are given" if duration is not None else (
-                "the system has no forcing period: give duration=")  # fmt: skip
+            other = "the system has no forcing period: give duration="
+            if duration is not None:
+                other = "both periods= and duration= are given"
             raise InvalidParameter("periods", periods, "", problem=other)
         max_periods = float(periods)
     elif duration is not None:

@@ -28,7 +28,7 @@ from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
-from mems_impact.systems.state import is_number, whole
+from mems_impact.systems.state import positive, whole
 from mems_impact.tables import captions
 from mems_impact.tables import table as labelled
 
@@ -603,8 +603,8 @@ def manifold(
     if kind not in KINDS:
         raise InvalidParameter("kind", kind, f"one of {', '.join(KINDS)}")
     for name, value in (("length", length), ("distance", distance), ("angle", angle)):
-        if value is not None and not (is_number(value) and value > 0.0):
-            raise InvalidParameter(name, value, "a finite number > 0")
+        if value is not None:
+            positive(name, value)
     if angle >= 1.0:
         raise InvalidParameter("angle", angle, "below 1")
     control = _Control(

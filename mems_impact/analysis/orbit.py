@@ -37,7 +37,7 @@ from mems_impact.orbits.signature import BOUNDARY
 from mems_impact.systems.base import HybridSystem, system_at
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
-from mems_impact.systems.state import State, is_number, whole, with_units
+from mems_impact.systems.state import State, positive, whole, with_units
 from mems_impact.systems.statistics import SAMPLES_PER_PERIOD, largest_values
 from mems_impact.systems.typical_scales import warn_if_below_differences
 from mems_impact.systems.window_statistics import Moments
@@ -557,10 +557,9 @@ def find_orbit(
     """
     if periods is not None:
         periods = whole("periods", periods, 1)
-    if period is not None and not (is_number(period) and period > 0.0):
-        raise InvalidParameter("period", period, "a finite number > 0")
-    if not is_number(transient) or transient < 0.0:
-        raise InvalidParameter("transient", transient, "a finite number >= 0")
+    if period is not None:
+        positive("period", period)
+    transient = positive("transient", transient, zero=True)
     if not system.forced and periods is not None:
         refusal = "the system has no forcing period to count"
         raise InvalidParameter("periods", periods, "", problem=refusal)
@@ -574,7 +573,7 @@ def find_orbit(
     try:
         if system.forced:
             solution = orbit_search.find_periodic_orbit(
-                family, start, periods=periods, transient=float(transient)
+                family, start, periods=periods, transient=transient
             )
         else:
             solution = orbit_search.find_cycle(
@@ -586,7 +585,7 @@ def find_orbit(
     except (OrbitError, RunError) as error:
         cause = _diverged(error, system, problem)
         if cause is None and isinstance(error, OrbitError):
-            cause = _drifting(system, problem, start, float(transient))
+            cause = _drifting(system, problem, start, transient)
         if cause is not None:
             raise cause from error
         if isinstance(error, RunError):

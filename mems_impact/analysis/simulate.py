@@ -18,7 +18,7 @@ from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.observables import EventRecorder
-from mems_impact.systems.state import State, is_number
+from mems_impact.systems.state import State, is_number, positive
 from mems_impact.systems.statistics import LazyStatistics
 from mems_impact.systems.window_statistics import TimeWindow
 
@@ -234,20 +234,18 @@ def _length(
     """Return the length of a run in periods of the problem."""
     duration = system.units.parse("time", duration, "duration")
     for field, value in (("periods", periods), ("duration", duration)):
-        if value is not None and not (is_number(value) and value > 0.0):
-            raise InvalidParameter(field, value, "a finite number > 0")
+        if value is not None:
+            positive(field, value)
     if duration is not None:
         if periods is not None:
             raise InvalidParameter("duration", duration, "None where periods is given")
         return float(system.units.into("time", duration)) / period
     if system.forced:
         return float(DEFAULT_PERIODS_FORCED if periods is None else periods)
-    if periods is not None:
+    if periods is not None or until is None:
+        field = "duration" if periods is None else "periods"
         problem = "the system has no forcing period: give the duration"
-        raise InvalidParameter("periods", periods, "", problem=problem)
-    if until is None:
-        problem = "the system has no forcing period: give the duration"
-        raise InvalidParameter("duration", None, "", problem=problem)
+        raise InvalidParameter(field, periods, "", problem=problem)
     return float(DEFAULT_TIME_SCALES)
 
 

@@ -88,10 +88,10 @@ def command(ctx: click.Context, /, **options: Any) -> None:
 
 def _check_column(column: str | None, system: mi.HybridSystem, arguments: dict[str, Any]) -> None:
     """Refuse a column that the table will lack, before it is computed."""
-    from mems_impact.studies.attractor_study import attractor_schema
+    from mems_impact.studies.attractor_study import AttractorEvaluator
 
     chosen = {"recurrence": arguments["recurrence"]} if "recurrence" in arguments else {}
-    schema = attractor_schema(system, **chosen)
+    schema = AttractorEvaluator(system=system, **chosen).schema
     numbers = [name for name, kind in schema.items() if kind != "str"]
     if column is not None and column not in numbers:
         raise click.UsageError(f"--column {column}: must be one of {', '.join(numbers)}")

@@ -442,9 +442,8 @@ def continue_attractors(
     if not isinstance(basins, Basins):
         allowed = "Basins, as mems_impact.basins returns them"
         raise InvalidParameter("basins", type(basins).__name__, allowed)
-    if not isinstance(recurrence, RecurrenceOptions):
-        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     system = basins.system
+    measuring = AttractorEvaluator(system=system, recurrence=recurrence, options=options)
     system.check_parameter(parameter)
     over = axis("values", (parameter, values), (parameter,), system)
     names = tuple(basins.attractors[ATTRACTOR])
@@ -454,9 +453,7 @@ def continue_attractors(
         over=Axis(parameter, tuple(sorted(over.values))),
         names=names,
         states=tuple(basins.state(name) for name in names),
-        measuring=AttractorEvaluator(
-            system=system, recurrence=replace(recurrence, exponents="none"), options=options
-        ),
+        measuring=measuring.without_exponents,
         recognition=AttractorMatcher(system=system, options=options, distance=distance),
     )
     rows = run_study(study, store=store, executor=executor, workers=workers, progress=progress)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from mems_impact.analysis.attractor import (
     Attractor,
     InitialCondition,
     RecurrenceOptions,
+    check_recurrence,
     map_attractors,
 )
 from mems_impact.errors import FunctionError, InvalidParameter
@@ -27,6 +28,7 @@ from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.study import STATUS, Columns, Study, row_label
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.serialization.identity import identity, identity_of_options
+from mems_impact.systems.state import State
 from mems_impact.systems.statistics import (
     CHAOTIC,
     FAILED,
@@ -51,7 +53,6 @@ __all__ = [
     "STATIONARY_STATUSES",
     "AttractorEvaluator",
     "AttractorStudy",
-    "attractor_schema",
     "in_order",
     "map_summary",
     "motions",
@@ -111,17 +112,6 @@ EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
 RETURNS = "returns"
 
 
-def attractor_schema(
-    system: HybridSystem,
-    recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
-) -> dict[str, str]:
-    """Return the columns that describe an attractor, each with its type."""
-    names = dict.fromkeys(system.statistics.names, "float")
-    exponents = {EXPONENT: "float", ERROR: "float"} if recurrence.exponents != "none" else {}
-    first, last = {MOTION: "str", PERIOD: "int"}, {RETURNS: "int", STATUS: "str"}
-    return merged_columns(first, names, exponents, last)
-
-
 @dataclass(frozen=True, kw_only=True)
 class AttractorEvaluator:
     """Simulates motions of a system and classifies their attractors."""
@@ -130,6 +120,20 @@ class AttractorEvaluator:
     recurrence: RecurrenceOptions = field(default_factory=RecurrenceOptions)
     options: Options = STUDY_OPTIONS
 
+    def __post_init__(self) -> None:
+        check_recurrence(self.recurrence)
+
+    @property
+    def without_exponents(self) -> AttractorEvaluator:
+        """The same without Lyapunov exponents."""
+        return replace(self, recurrence=replace(self.recurrence, exponents="none"))
+
+    def start(self, initial: State | Mapping[str, float] | None) -> State | None:
+        """Return the initial state of points; InvalidParameter if the system has no such state."""
+        start = None if initial is None else self.system.state_space.parse(initial)
+        self.system.state_space.instant(start, self.system.problem(self.options))
+        return start
+
     @cached_property
     def threaded(self) -> bool:
         """Whether points release the GIL."""
@@ -137,8 +141,12 @@ class AttractorEvaluator:
 
     @property
     def schema(self) -> dict[str, str]:
-        """The columns that describe a motion."""
-        return attractor_schema(self.system, self.recurrence)
+        """The columns that describe a motion, each with its type."""
+        names = dict.fromkeys(self.system.statistics.names, "float")
+        has_exponents = self.recurrence.exponents != "none"
+        exponents = {EXPONENT: "float", ERROR: "float"} if has_exponents else {}
+        first, last = {MOTION: "str", PERIOD: "int"}, {RETURNS: "int", STATUS: "str"}
+        return merged_columns(first, names, exponents, last)
 
     def identity(self) -> dict[str, Any]:
         """Return the inputs on which the results depend."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from mems_impact.analysis.attractor import (
     InitialCondition,
     RecurrenceOptions,
 )
+from mems_impact.analysis.equilibrium import checked_box
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies import attractor_matching
@@ -37,7 +38,6 @@ from mems_impact.studies.sampling import (
     Sample,
     Sampling,
     axis,
-    box_of,
     check_sample,
 )
 from mems_impact.systems.base import HybridSystem
@@ -404,16 +404,13 @@ def basins(
     True
     """
     starts = _starts(system, x, y, box, (samples, sampling, rng))
-    start = system.initial if initial is None else system.state_space.parse(initial)
-    if not isinstance(recurrence, RecurrenceOptions):
-        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
+    measuring = AttractorEvaluator(system=system, recurrence=recurrence, options=options)
     if not (is_number(distance) and 0.0 < distance < 1.0):
         raise InvalidParameter("distance", distance, "a number above 0 and below 1")
-    system.state_space.instant(start, system.problem(options))
-    measuring = AttractorEvaluator(system=system, recurrence=recurrence, options=options)
+    start = measuring.start(initial) or system.initial
     study = BasinsStudy(
         starts=starts,
-        measuring=replace(measuring, recurrence=replace(recurrence, exponents="none")),
+        measuring=measuring.without_exponents,
         recognition=AttractorMatcher(system=system, options=options, distance=distance),
         initial=start,
     )
@@ -445,7 +442,10 @@ def _starts(system: HybridSystem, x: Any, y: Any, box: Any, sample: tuple[Any, A
             problem = "give a grid (x, y) or a box to sample, not both"
             raise InvalidParameter("box", None, "", problem=problem)
         count, seed = check_sample(*sample)
-        return Sample(box_of(box, system), count, sample[1], seed)
+        bounds = checked_box(system, box)
+        if not bounds:
+            raise InvalidParameter("box", box, f"given for some of {', '.join(system.states)}")
+        return Sample(tuple((n, *ends) for n, ends in bounds.items()), count, sample[1], seed)
     if x is None and y is None:
         problem = "give a grid (x, y), or a box to sample"
         raise InvalidParameter("x", None, "", problem=problem)

@@ -15,7 +15,13 @@ import numpy as np
 from mems_impact import tables as diagram_tables
 from mems_impact._util.progress import Report, progress_bar
 from mems_impact._util.warning_scopes import collected_warnings
-from mems_impact.analysis.attractor import STUDY_OPTIONS, Attractor, RecurrenceOptions, span_of
+from mems_impact.analysis.attractor import (
+    STUDY_OPTIONS,
+    Attractor,
+    RecurrenceOptions,
+    check_recurrence,
+    span_of,
+)
 from mems_impact.analysis.branch import (
     BRANCH_STEPS,
     continue_solution,
@@ -541,8 +547,7 @@ def bifurcation_diagram(
     bounds = checked_range(system, parameter, bounds)
     depth, starts = whole("depth", depth, 0), whole("starts", starts, 0)
     values, longest = whole("values", values, 2), whole("longest", longest, 1)
-    if not isinstance(recurrence, RecurrenceOptions):
-        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
+    check_recurrence(recurrence)
     box = checked_box(system, box or {})
     runs = replace(STUDY_OPTIONS, engine=options.engine, method=options.method)
     first = [system.state_space.initial("up"), system.state_space.initial("down")]

@@ -261,15 +261,7 @@ def operating_map(
     names = tuple(system.parameters)
     across, up = axis("x", x, names, system), axis("y", y, names, system)
     check_different(across, up, system)
-    start = None if initial is None else system.state_space.parse(initial)
-    if not isinstance(recurrence, RecurrenceOptions):
-        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    system.state_space.instant(start, system.problem(options))
-    study = MapStudy(
-        x=across,
-        y=up,
-        measuring=AttractorEvaluator(system=system, recurrence=recurrence, options=options),
-        initial=start,
-    )
+    measuring = AttractorEvaluator(system=system, recurrence=recurrence, options=options)
+    study = MapStudy(x=across, y=up, measuring=measuring, initial=measuring.start(initial))
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
     return OperatingMap(system=system, x=across, y=up, table=table)

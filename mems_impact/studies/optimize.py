@@ -13,6 +13,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact._util.progress import progress_bar
 from mems_impact._util.quantities import quantities
+from mems_impact.analysis.continuation_range import amount
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.special_points import check_kind
 from mems_impact.errors import Interrupted, InvalidParameter, OrbitError
@@ -29,7 +30,7 @@ from mems_impact.studies.trust_region import CONSTRAINT_TOLERANCE, Iterate, Loca
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import MULTIPLIER, Quantity
 from mems_impact.systems.result import Result
-from mems_impact.systems.state import is_number, whole
+from mems_impact.systems.state import interval, whole
 from mems_impact.tables import unit_of
 
 if TYPE_CHECKING:
@@ -94,26 +95,12 @@ def limits_of(
     limits = []
     for name, pair in {**defaults, **subject_to}.items():
         quantity = _quantity(system, name, tolerances)
-        unit = quantity.unit if system.units else None
-        low, high = _checked_pair(name, quantities(f"subject_to {name}", pair, unit))
+        label, unit = f"subject_to {name}", quantity.unit if system.units else None
+        low, high = interval(label, pair, quantities(label, pair, unit), bounded=False)
         size = max((abs(bound) for bound in (low, high) if math.isfinite(bound)), default=0.0)
         size = size or abs(quantity(orbit))
         limits.append(QuantityBounds(quantity, low, high, size if 0.0 < size < math.inf else 1.0))
     return tuple(limits)
-
-
-def _checked_pair(name: str, pair: tuple[float | None, float | None]) -> tuple[float, float]:
-    """Return a pair of limits, infinite for None."""
-    try:
-        low, high = pair
-    except (TypeError, ValueError):
-        low, high = math.nan, math.nan
-    if not all(each is None or is_number(each) for each in (low, high)):
-        raise InvalidParameter(f"subject_to {name}", pair, "(lowest, highest), None for none")
-    bounds = -math.inf if low is None else float(low), math.inf if high is None else float(high)
-    if not bounds[0] < bounds[1]:
-        raise InvalidParameter(f"subject_to {name}", pair, "(lowest, highest), in this order")
-    return bounds
 
 
 # --- Optimization along a periodic orbit
@@ -494,20 +481,15 @@ def _checked_bounds(system: HybridSystem, over: Bounds) -> dict[str, tuple[float
     bounds = {}
     for name, pair in over.items():
         system.checks.continuation(name)
-        try:
-            low, high = system.units.parse(name, pair, f"over {name}")
-        except InvalidParameter:
-            raise
-        except (TypeError, ValueError):
-            low, high = math.nan, math.nan
-        value = system.parameters[name]
-        if not (is_number(low) and is_number(high) and low < high and low <= value <= high):
-            amount = f"{value:g} {system.units.get(name, '')}".rstrip()
-            allowed = f"(lowest, highest), with {amount} between them, where the orbit is"
-            raise InvalidParameter(f"over {name}", pair, allowed)
+        label, value = f"over {name}", system.parameters[name]
+        low, high = interval(label, pair, system.units.parse(name, pair, label))
+        if not low <= value <= high:
+            at = amount(system, name, value)
+            allowed = f"(lowest, highest), with {at} between them, where the orbit is"
+            raise InvalidParameter(label, pair, allowed)
         for bound in (low, high):
-            system.changed(**{name: float(bound)})
-        bounds[name] = (float(low), float(high))
+            system.changed(**{name: bound})
+        bounds[name] = low, high
     return bounds
 
 

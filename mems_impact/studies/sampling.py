@@ -34,7 +34,6 @@ __all__ = [
     "Sample",
     "Sampling",
     "axis",
-    "box_of",
     "check_sample",
     "deviations",
     "distribution_named",
@@ -487,27 +486,3 @@ class Sample:
             "rng": self.seed,
             "points": digest_of(self.points),
         }
-
-
-def box_of(
-    bounds: Mapping[str, tuple[float, float]], system: HybridSystem
-) -> tuple[tuple[str, float, float], ...]:
-    """Return the bounds of a box; InvalidParameter unless it has bounds for some states."""
-    names = system.states
-    allowed = f'ends of some components, {{"{names[0]}": (low, high)}}'
-    if not isinstance(bounds, Mapping) or not bounds:
-        raise InvalidParameter("box", bounds, allowed)
-    box = []
-    for name, ends in bounds.items():
-        if name not in names:
-            raise InvalidParameter("box", name, f"of components among {', '.join(names)}")
-        try:
-            low, high = system.units.parse(name, ends, f"box.{name}")
-        except (TypeError, ValueError) as error:
-            if isinstance(error, InvalidParameter):
-                raise
-            raise InvalidParameter(f"box.{name}", ends, "two numbers, low and high") from None
-        if not (is_number(low) and is_number(high) and low < high):
-            raise InvalidParameter(f"box.{name}", ends, "two finite numbers, the lower one first")
-        box.append((name, float(low), float(high)))
-    return tuple(box)

@@ -36,7 +36,7 @@ from mems_impact.systems.serialization.identity import (
     identity_of_options,
     identity_of_state,
 )
-from mems_impact.systems.state import State, is_number, state_from, whole
+from mems_impact.systems.state import State, positive, state_from, whole
 from mems_impact.systems.statistics import maxima
 from mems_impact.tables import merged_columns
 
@@ -520,10 +520,7 @@ def _spans(
         )
         missing = "duration" if duration is None else "transient"
         raise InvalidParameter(missing, None, "", problem=problem)
-    for name, value, allowed in (("transient", transient, ">= 0"), ("duration", duration, "> 0")):
-        if not is_number(value) or value < 0.0 or (value == 0.0 and name == "duration"):
-            raise InvalidParameter(name, value, f"a finite number {allowed}")
-    return float(transient), float(duration)
+    return positive("transient", transient, zero=True), positive("duration", duration)
 
 
 def _initial(initial: State | Mapping[str, State] | None, name: str, system: HybridSystem) -> State:

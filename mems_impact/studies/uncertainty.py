@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -43,7 +43,7 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.identity import identity_of_state
-from mems_impact.systems.state import State, is_number
+from mems_impact.systems.state import State, interval
 from mems_impact.systems.statistics import UNSETTLED
 from mems_impact.tables import merged_columns
 
@@ -415,10 +415,8 @@ def tolerance_analysis(
     if indices and count & (count - 1):
         nearest = 2 ** round(math.log2(count))
         raise InvalidParameter("samples", samples, f"a power of two for indices, such as {nearest}")
-    start = None if initial is None else system.state_space.parse(initial)
-    if not isinstance(recurrence, RecurrenceOptions):
-        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    system.state_space.instant(start, system.problem(options))
+    measuring = AttractorEvaluator(system=system, recurrence=recurrence, options=options)
+    start = measuring.start(initial)
     if parameters is not None and not callable(parameters):
         allowed = "a function of the sampled quantities by name that returns parameters by name"
         raise InvalidParameter("parameters", parameters, allowed)
@@ -431,11 +429,7 @@ def tolerance_analysis(
         seed=seed,
         indices=bool(indices),
     )
-    study = ToleranceStudy(
-        draws=draws,
-        measuring=AttractorEvaluator(system=system, recurrence=recurrence, options=options),
-        initial=start,
-    )
+    study = ToleranceStudy(draws=draws, measuring=measuring, initial=start)
     bounds = _specification(specification or {}, study.schema, system)
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
     analysis = ToleranceAnalysis(
@@ -443,14 +437,11 @@ def tolerance_analysis(
     )
     if not indices:
         return analysis
-
     names = analysis.quantities
     with completed_study(study, table):
         effects = indices_table(draws, names, settled_values(table, names).to_numpy(), seed)
     effects.attrs = dict(table.attrs)
-    return ToleranceAnalysis(
-        system=system, drawn=draws.names, specification=bounds, table=table, indices=effects
-    )
+    return replace(analysis, indices=effects)
 
 
 def _specification(
@@ -464,18 +455,7 @@ def _specification(
     for name, ends in specification.items():
         if name not in names:
             raise InvalidParameter("specification", name, f"one of the columns {', '.join(names)}")
-        field, allowed = (
-            f"specification.{name}",
-            "low and high, in this order; one may be missing",
-        )
-        try:
-            low, high = system.units.parse(name, ends, field)
-        except InvalidParameter:
-            raise
-        except (TypeError, ValueError):
-            raise InvalidParameter(field, ends, allowed) from None
-        low, high = -math.inf if low is None else low, math.inf if high is None else high
-        if not all(is_number(end) or abs(end) == math.inf for end in (low, high)) or low > high:
-            raise InvalidParameter(field, ends, allowed)
-        bounds[name] = (float(low), float(high))
+        label = f"specification.{name}"
+        numbers = system.units.parse(name, ends, label)
+        bounds[name] = interval(label, ends, numbers, bounded=False, point=True)
     return bounds

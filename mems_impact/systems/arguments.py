@@ -15,7 +15,7 @@ from mems_impact.hybrid.diagnostics.user_functions import UserFunction
 from mems_impact.hybrid.problem import Section
 from mems_impact.integrators.dual_numbers import Dual
 from mems_impact.systems.observables import Observable
-from mems_impact.systems.state import Mode, State, is_number, state_from
+from mems_impact.systems.state import Mode, State, is_number, positive, state_from
 
 __all__ = [
     "ARGUMENTS",
@@ -201,11 +201,7 @@ def sizes(typical: Mapping[str, float] | None) -> dict[str, float]:
     """Return typical sizes."""
     if typical is not None and not isinstance(typical, Mapping):
         raise InvalidParameter("typical", typical, "sizes by the names of states, units, or 'time'")
-    result = dict(typical or {})
-    for name, size in result.items():
-        if not (is_number(size) and size > 0.0):
-            raise InvalidParameter(f"typical {name}", size, "a finite number > 0")
-    return result
+    return {name: positive(f"typical {name}", size) for name, size in (typical or {}).items()}
 
 
 def reject_with_components(**others: Any) -> None:

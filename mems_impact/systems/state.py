@@ -11,7 +11,17 @@ from typing import Any, Protocol
 from mems_impact._util.quantities import has_unit
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Mode", "NamedValues", "State", "is_number", "modes", "state_from", "whole"]
+__all__ = [
+    "Mode",
+    "NamedValues",
+    "State",
+    "interval",
+    "is_number",
+    "modes",
+    "positive",
+    "state_from",
+    "whole",
+]
 
 # --- Modes
 
@@ -245,3 +255,32 @@ def whole(field: str, value: Any, least: int) -> int:
     if not (is_number(value) and value >= least and value == int(value)):
         raise InvalidParameter(field, value, f"a whole number >= {least}")
     return int(value)
+
+
+def positive(field: str, value: Any, *, zero: bool = False) -> float:
+    """Return a finite number > 0, or 0 if `zero` is allowed; InvalidParameter for others."""
+    if not is_number(value) or value < 0.0 or (value == 0.0 and not zero):
+        raise InvalidParameter(field, value, f"a finite number {'>=' if zero else '>'} 0")
+    return float(value)
+
+
+def interval(
+    field: str, given: Any, ends: Any, *, bounded: bool = True, point: bool = False
+) -> tuple[float, float]:
+    """Return both ends of an interval, which may be a `point`, as numbers.
+
+    The ends of an interval that is not `bounded` may be infinite, or None for infinite. Raises
+    InvalidParameter, with the argument as `given`, for others.
+    """
+    allowed = "(lowest, highest), in this order" + ("" if bounded else "; one may be missing")
+    try:
+        low, high = ends
+    except (TypeError, ValueError):
+        raise InvalidParameter(field, given, allowed) from None
+    if not bounded:
+        low, high = -math.inf if low is None else low, math.inf if high is None else high
+    infinite = () if bounded else (-math.inf, math.inf)
+    numbers = all(is_number(end) or end in infinite for end in (low, high))
+    if not (numbers and (low < high or (point and low == high))):
+        raise InvalidParameter(field, given, allowed)
+    return float(low), float(high)

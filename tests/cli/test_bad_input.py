@@ -98,7 +98,7 @@ WORDED = [
     ([*TOLERANCES, "e=nothing:1"], "its numbers (norm, 0.62, 0.02), or", "{"),
     ([*TOLERANCES, "e=norm:0.8:0.02:3"], "norm and its numbers: loc, scale", "positional"),
     ([*TOLERANCES, "e=norm:0.8:-0.02"], "norm with allowed numbers", "nan"),
-    ([*TOLERANCES, "e=5%", "--specification", "mean speed=2:1"], "low and high, in this", "None"),
+    ([*TOLERANCES, "e=5%", "--specification", "mean speed=2:1"], "lowest, highest", "None"),
     (["soft-landing", "zhao2004", "--drive", "sine", "--amplitude", "2", "--omega", "1"],
      "--drive sine: must be pulse-and-hold", "PulseAndHold"),
     (["simulate", "cycle.py:cycle"], "give the duration", "="),
