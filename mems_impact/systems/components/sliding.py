@@ -87,23 +87,27 @@ class Sliding:
         )
         return " + ".join(["mode", *steps])
 
-    def around(self, name: str, base: int) -> list[str]:
+    def function(self, signature: str, lines: Sequence[str]) -> str:
+        """Return the source of a function of a mode, whose digits the lines read."""
+        return function(signature, [*self.digit_lines(), *lines])
+
+    def around(self, name: str, base: int, body: Sequence[str]) -> list[str]:
         """Return the lines of a loop over modes that agree where `mode` does not slide."""
         digits = [f"{name}{i} = {name} // {base**i} % {base}" for i in range(self.k)]
         agrees = (
             f"({digit} == {SLIDING} or {digit} == {name}{i})" for i, digit in enumerate(self.digits)
         )
-        loop = f"for {name} in range({base**self.k}):"
-        return [loop, *indented([*digits, f"if {' and '.join(agrees)}:"])]
+        loop = [*digits, f"if {' and '.join(agrees)}:", *indented(body)]
+        return [f"for {name} in range({base**self.k}):", *indented(loop)]
 
-    def flows(self, side: str = "side") -> list[str]:
+    def flows(self, body: Sequence[str], side: str = "side") -> list[str]:
         """Return the lines of a loop over the flows ``d`` around the state with their rates."""
         rates = (
             f"l{i + 1} = {part.along(names, 'd')} if {digit} == {SLIDING} else 0.0"
             for i, ((names, part), digit) in enumerate(zip(self.surfaces, self.digits, strict=True))
         )
-        body = [f"d = field({self.beside(side)}, t, y, p)", "l0 = 1.0", *rates]
-        return [*self.around(side, 2), *indented(indented(body))]
+        flow = f"d = field({self.beside(side)}, t, y, p)"
+        return self.around(side, 2, [flow, "l0 = 1.0", *rates, *body])
 
     def gram(self) -> list[tuple[int, int]]:
         """Return the index pairs of the symmetric system."""
@@ -121,7 +125,7 @@ class Sliding:
         adds = [f"l{j} -= share{i}_{j} * l{i}" for i, j in self.gram() if i < j]
         adds += [f"g{i}_{j} += l{i} * l{j}" for i, j in self.gram()]
         adds += [f"sum{i}_{j} += l{i} * d[{j}]" for i in rows for j in columns]
-        body += [*self.flows(), *indented(indented(adds)), "if turn == 0:"]
+        body += [*self.flows(adds), "if turn == 0:"]
         body += [f"    size{i} = g{i}_{i}" for i in rows]
         body += triangular(self.k + 1, "rtol")
         accurate = " and ".join(f"(alone{i} or size{i} == 0.0)" for i in rows)
@@ -133,10 +137,8 @@ class Sliding:
         lines += [f"rtol = {ACCURATE_RTOL}", "for turn in range(2):", *indented(body)]
         lines += substitution(self.k + 1)
         mixed = (" + ".join(f"f{i} * sum{i}_{j}" for i in rows) for j in columns)
-        return function(
-            "intersection(mode, t, y, p)",
-            [*self.digit_lines(), *lines, f"return ({', '.join(mixed)},)"],
-        )
+        lines.append(f"return ({', '.join(mixed)},)")
+        return self.function("intersection(mode, t, y, p)", lines)
 
     def ambiguity(self) -> str:
         """Return the source of the difference between velocities of combinations, over its limit.
@@ -146,8 +148,7 @@ class Sliding:
         """
         rows, columns = range(self.k + 1), range(self.n)
         lines = [f"size{j} = 0.0" for j in columns]
-        adds = [f"size{j} += d[{j}] * d[{j}]" for j in columns]
-        lines += [*self.flows(), *indented(indented(adds))]
+        lines += self.flows([f"size{j} += d[{j}] * d[{j}]" for j in columns])
         lines += [
             f"w{j} = {weight(j)!r} / math.sqrt(size{j}) if size{j} > 0.0 else 0.0" for j in columns
         ]
@@ -157,17 +158,12 @@ class Sliding:
         fit = [f"g{i}_{j} = 0.0" for i, j in self.gram()] + [f"r{i} = 0.0" for i in rows]
         adds = [f"g{i}_{j} += l{i} * l{j}" for i, j in self.gram()]
         adds += [f"r{i} += l{i} * rest" for i in rows]
-        fit += [
-            *self.flows(),
-            *indented(indented([*rest, *adds])),
-            *elimination(self.k + 1, ROW_RTOL),
-        ]
+        fit += [*self.flows([*rest, *adds]), *elimination(self.k + 1, ROW_RTOL)]
         fit += [f"sum{i} += f{i}" for i in rows]
         lines += ["for _ in range(2):", *indented(fit)]  # the second time for rounding errors
-        adds = [*rest, "error += rest * rest"]
-        lines += ["error = 0.0", *self.flows(), *indented(indented(adds))]
+        lines += ["error = 0.0", *self.flows([*rest, "error += rest * rest"])]
         lines.append(f"return math.sqrt(error / {self.n}.0) / {UNIQUE_RTOL}")
-        return function("ambiguity(mode, t, y, p)", [*self.digit_lines(), *lines])
+        return self.function("ambiguity(mode, t, y, p)", lines)
 
     def spiral(self) -> str:
         """Return the source of the least contraction of a spiral around two surfaces.
@@ -202,7 +198,7 @@ class Sliding:
                 f"{self.strides[i] + self.strides[j]}",
             ]
         lines.append("return least, exit")
-        return function("spiral(mode, t, y, p)", [*self.digit_lines(), *lines])
+        return self.function("spiral(mode, t, y, p)", lines)
 
     def rates_of(self, count: int, name: str) -> list[str]:
         """Return the lines of the rates of `count` surfaces on which a mode slides, of a flow."""
@@ -230,12 +226,13 @@ class Sliding:
             apart = [*self.rates_of(count, "v"), f"beside = {side}"]
             apart += [f"low = low or beside < -{SIDE_RTOL!r}"]
             apart += [f"high = high or beside > {SIDE_RTOL!r}"]
-            lines = ["low, high = False, False", *self.flows(), *indented(indented(apart))]
-            head = f"parted_{count}(mode, {normal}, {sizes}, t, y, p)"
-            sources.append(function(head, [*self.digit_lines(), *lines, "return low and high"]))
+            lines = ["low, high = False, False", *self.flows(apart), "return low and high"]
+            sources.append(
+                self.function(f"parted_{count}(mode, {normal}, {sizes}, t, y, p)", lines)
+            )
             largest = [f"z{i} = max(z{i}, abs(v{i}))" for i in numbers]
-            lines = [f"{sizes} = {', '.join(['0.0'] * count)}", *self.flows()]
-            lines += indented(indented([*self.rates_of(count, "v"), *largest]))
+            lines = [f"{sizes} = {', '.join(['0.0'] * count)}"]
+            lines += self.flows([*self.rates_of(count, "v"), *largest])
             lines += [f"if min({sizes}) == 0.0:", "    return False", "spans = False"]
             rows = [[f"v{j}_{i}" for i in numbers] for j in range(count - 1)]
             body = [
@@ -253,23 +250,17 @@ class Sliding:
                 inner = [*self.rates_of(count, "v"), *scaled, *body]
                 if j:
                     inner = [f"if side{j}_ > side{j - 1}_:", *indented(inner)]
-                body = [*self.flows(f"side{j}_"), *indented(indented(inner))]
-            sources.append(
-                function(
-                    f"stays_{count}(mode, t, y, p)",
-                    [*self.digit_lines(), *lines, *body, "return spans"],
-                )
-            )
+                body = self.flows(inner, f"side{j}_")
+            head = f"stays_{count}(mode, t, y, p)"
+            sources.append(self.function(head, [*lines, *body, "return spans"]))
         lines = [f"count = {self.count}"]
         for count in range(2, self.k + 1):
             lines += [f"if count == {count}:", f"    return stays_{count}(mode, t, y, p)"]
         lines.append("return False")
-        return [*sources, function("stays(mode, t, y, p)", [*self.digit_lines(), *lines])]
+        return [*sources, self.function("stays(mode, t, y, p)", lines)]
 
     def lapse(self) -> tuple[str, str]:
         """Return the sources of margin and transition of the end of unique sliding."""
-        if self.k < 2:
-            return "", ""
         margin = function(
             "lapse_margin(mode, t, y, p)",
             [
@@ -320,12 +311,11 @@ class Sliding:
                 "    least, exit = -leads, near",
             ]
             inner = [f"if {free} < {self.count}{asked}:", *indented(body)]
-            lines += [*self.around("other", 3), *indented(indented(inner)), "return least, exit"]
+            lines += [*self.around("other", 3, inner), "return least, exit"]
             if most > 1:
                 fewer = f"return room_{most - 1}(mode, which, side, but, t, y, p)"
                 lines = [f"if {self.count} < {most}:", f"    {fewer}", *lines]
-            name = f"room_{most}(mode, which, side, but, t, y, p)"
-            sources.append(function(name, [*self.digit_lines(), *lines]))
+            sources.append(self.function(f"room_{most}(mode, which, side, but, t, y, p)", lines))
         call = f"room_{self.k}(mode, number, side, -1, t, y, p)"
         lines = [f"least, _ = {call}", "return least"]
         room = function("exit_room(mode, number, side, t, y, p)", lines)
@@ -348,7 +338,7 @@ class Sliding:
             *indented([f"v{j} = x[{j}]" for j in columns]),
             "    if way == 1:",
             *indented(indented(["count = 0", *(f"v{j} = 0.0" for j in columns)])),
-            *indented(indented([*self.flows(), *indented(indented(adds))])),
+            *indented(indented(self.flows(adds))),
             "    span /= count",
             f"    near = State({ahead})",
             f"    first, one = {call.format('-1')}",
@@ -356,8 +346,9 @@ class Sliding:
             f"        second, two = {call.format('one')}",
             f"        if second < {EXIT_RATIO!r} * first:",
             f"            return one * {self.modes} + two",
+            "return -1",
         ]
-        return function("two_exits(mode, t, y, p)", [*self.digit_lines(), *lines, "return -1"])
+        return self.function("two_exits(mode, t, y, p)", lines)
 
     def sources(self) -> tuple[list[str], list[str]]:
         """Return the sources of functions that ``slopes`` calls, and that call it."""
@@ -369,9 +360,10 @@ class Sliding:
         """Return the sources of functions that ``settled`` calls."""
         if not self.surfaces:
             return []
-        slides = function("slides(mode)", [*self.digit_lines(), f"return {self.count}"])
-        several = [slides, self.ambiguity(), self.spiral(), *self.lapse()] if self.k > 1 else []
-        several += [*self.staying(), self.coincidence()] if self.k > 1 else []
+        several = []
+        if self.k > 1:
+            several = [self.function("slides(mode)", [f"return {self.count}"]), self.ambiguity()]
+            several += [self.spiral(), *self.lapse(), *self.staying(), self.coincidence()]
         return [self.rival(), *several, self.verdict()]
 
     def exit(self) -> list[str]:
@@ -558,17 +550,15 @@ class Sliding:
         loop = [f"for other in range({3**self.k}):", *indented([*digits, *body])]
         if self.k > 1:
             loop += ["least, near = spiral(mode, t, y, p)", "if least < 0.0:", "    return near"]
-        return function(
-            "rival(mode, before, fired, jumped, t, y, p)",
-            [*self.digit_lines(), "own = slopes(mode, t, y, p)", *loop, "return -1"],
-        )
+        lines = ["own = slopes(mode, t, y, p)", *loop, "return -1"]
+        return self.function("rival(mode, before, fired, jumped, t, y, p)", lines)
 
     def coincidence(self) -> str:
         """Return the source that finds two surfaces i and j that coincide: 1 + i + k j, or 0.
 
         Coinciding surfaces contain the state, and their gradients are parallel.
         """
-        lines = [*self.digit_lines(), *self.contact("mode")]
+        lines = self.contact("mode")
         for i, (names, part) in enumerate(self.surfaces):
             (constraint,) = part.constraints(names)
             lines += [f"a{i}_{j} = {constraint.slopes.get(j, '0.0')}" for j in range(self.n)]
@@ -579,7 +569,7 @@ class Sliding:
                 size = f"(abs({left}) + abs({right}))"
                 tests.append(f"abs({left} - {right}) <= {PARALLEL_RTOL} * {size}")
             lines += [f"if {' and '.join(tests)}:", f"    return {1 + i + self.k * j}"]
-        return function("coincidence(mode, fired, jumped, t, y, p)", [*lines, "return 0"])
+        return self.function("coincidence(mode, fired, jumped, t, y, p)", [*lines, "return 0"])
 
 
 def check_coincidence(surfaces: Sequence[tuple[CodeNames, SwitchingSurface]]) -> None:
