@@ -29,7 +29,7 @@ from mems_impact.hybrid.simulation import Trajectory
 from mems_impact.hybrid.time_dependence import Argument, reads_time
 from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.state import is_number
-from mems_impact.systems.validation import loaded, reachable_functions
+from mems_impact.systems.validation import checked_functions, loaded, reachable_functions
 
 __all__ = ["check_autonomy", "check_forcing", "check_recurrence"]
 
@@ -123,7 +123,7 @@ def check_forcing(
     system: SystemDescription, definition: Definition, trajectory: Trajectory
 ) -> None:
     """Raise FunctionError unless the functions of the forcing are periodic along a run."""
-    checked = _checked(system, definition)
+    checked = checked_functions(system, definition)
     functions = list(time_functions(checked, motion=True))
     if not functions:
         return
@@ -150,7 +150,7 @@ def check_forcing(
 
 def check_recurrence(system: SystemDescription, definition: Definition, period: float) -> None:
     """Raise FunctionError unless the functions of a system have a period, at any time."""
-    checked = _checked(system, definition)
+    checked = checked_functions(system, definition)
     functions = [
         each for motion in (True, False) for each in time_functions(checked, motion=motion)
     ]
@@ -163,10 +163,6 @@ def check_recurrence(system: SystemDescription, definition: Definition, period: 
     phases = (math.fmod(GOLDEN_RATIO * i, 1.0) for i in range(1, len(cycles) + 1))
     instants = list(zip(cycles, phases, strict=True))
     _compare(system, checked, functions, points, period, instants, (0.0, 2.0**MAX_DOUBLINGS))
-
-
-def _checked(system: SystemDescription, definition: Definition) -> CheckedFunctions:
-    return CheckedFunctions(definition, [system.parameters[name] for name in definition.parameters])
 
 
 def _compare(

@@ -67,6 +67,7 @@ __all__ = [
     "check_parted",
     "check_run",
     "check_start_side",
+    "checked_functions",
     "loaded",
     "reachable_functions",
     "warn_of_discontinuity",
@@ -81,15 +82,12 @@ def check_effects(definition: Definition) -> None:
     """Raise FunctionError if a function, or a function that it calls, changes an outer variable."""
     for function in _functions(definition):
         for inner in reachable_functions(function.call, set()):
-            _check(function, inner)
-
-
-def _check(function: UserFunction, inner: FunctionType) -> None:
-    for name in _changed(inner.__code__, set(inner.__code__.co_freevars)):
-        problem = f"changes {name}, a variable outside the function"
-        remedy = "only read outer variables: quantities that change along a run are states"
-        file, line = inner.__code__.co_filename, inner.__code__.co_firstlineno
-        raise FunctionError(function.role, problem, remedy, file, line)
+            code = inner.__code__
+            for name in _changed(code, set(code.co_freevars)):
+                problem = f"changes {name}, a variable outside the function"
+                remedy = "only read outer variables: quantities that change along a run are states"
+                place = code.co_filename, code.co_firstlineno
+                raise FunctionError(function.role, problem, remedy, *place)
 
 
 def _changed(code: CodeType, outside: set[str]) -> Iterator[str]:
@@ -179,10 +177,7 @@ def warn_of_discontinuity(
     Return whether the flow is. The definition has functions in the user's units. `at`, in scaled
     units with arbitrary cyclic components, is the start of such a step of this `length`.
     """
-    numbers = system.numbers()
-    checked = CheckedFunctions(
-        definition, [system.parameters[name] for name in definition.parameters]
-    )
+    numbers, checked = system.numbers(), checked_functions(system, definition)
     if system.forced:
         time = math.fmod(at.time, numbers.period)
         switches = numbers.switches and (*numbers.switches, numbers.period + numbers.switches[0])
@@ -190,14 +185,27 @@ def warn_of_discontinuity(
         time, switches = at.cycle * numbers.period + at.time, numbers.switches
     stop = next((switch for switch in switches if switch > time), math.inf)
     lengths = (part * length for part in STEPS_AHEAD)
-    stretches = [each for each in lengths if time + DECLARED_RATIO * each < stop]
-    values = zip(system.states, at.y.tolist(), strict=True)
-    y = [float(system.units.out(name, value)) for name, value in values]
-    point = EvaluationPoint(at.mode, float(system.units.out("time", time)), y)
+    stretches = [
+        float(system.units.out("time", each))
+        for each in lengths
+        if time + DECLARED_RATIO * each < stop
+    ]
     try:
-        return _jumps(checked, point, [float(system.units.out("time", each)) for each in stretches])
+        return _jumps(checked, _in_units(system, at.mode, time, at.y), stretches)
     except (FunctionError, DomainError, ArithmeticError):
         return False  # other checks report errors of functions
+
+
+def checked_functions(system: SystemDescription, definition: Definition) -> CheckedFunctions:
+    """Return checked functions of a definition, at the parameters of the system."""
+    return CheckedFunctions(definition, [system.parameters[name] for name in definition.parameters])
+
+
+def _in_units(system: SystemDescription, mode: int, time: float, y: Floats) -> EvaluationPoint:
+    """Return a scaled point in the user's units."""
+    values = zip(system.states, y.tolist(), strict=True)
+    states = [float(system.units.out(name, value)) for name, value in values]
+    return EvaluationPoint(mode, float(system.units.out("time", time)), states)
 
 
 def _jumps(checked: CheckedFunctions, at: EvaluationPoint, stretches: Sequence[float]) -> bool:
@@ -342,11 +350,7 @@ def check_constraint(
 
 # --- Dependence of functions on time
 
-PROBE_TIMES = (
-    0.1459,
-    0.3820,
-    0.6180,
-)  # of the time scale: times that are not common fractions of a period
+PROBE_TIMES = (0.1459, 0.3820, 0.6180)  # of a period: no common fractions of it
 FLOW_RTOL = 1e-6  # of the largest component: a difference of flows that is tolerated
 TIME_TOLERANCE_RATIO = 1e-9  # of the time scale
 
@@ -359,50 +363,38 @@ class TimeGrid(NamedTuple):
     switches: Sequence[float]
 
 
-def check_times(
+def check_period(
     checked: CheckedFunctions,
     at: EvaluationPoint,
     slope: Sequence[float],
-    period: float | None,
+    period: float,
     unit: float,
 ) -> None:
-    """Raise FunctionError unless the flow has the forcing period, if there is one.
+    """Raise FunctionError unless the flow has the forcing period.
 
     `slope` is the flow at the point, `unit` the time scale.
     """
 
     def ahead(time: float) -> list[float]:
-        return checked.flow(EvaluationPoint(at.mode, at.t + time, at.y))
+        return checked.flow(at._replace(t=at.t + time))
 
-    if period is None:
-        return  # such a system may depend on time
     others = [ahead(part * period) for part in PROBE_TIMES]
     # Where terms of the flow cancel, their rounding is far larger than the sum.
     size = max(abs(value) for each in (slope, *others) for value in each)
     size = max(size, *(abs(value) / unit for value in at.y))
     # A discontinuous forcing may jump just before or after this time by rounding.
-    for time in (
-        period,
-        period - TIME_TOLERANCE_RATIO * unit,
-        period + TIME_TOLERANCE_RATIO * unit,
-    ):
-        if not flows_differ(slope, ahead(time), size):
+    for shift in (0.0, -TIME_TOLERANCE_RATIO * unit, TIME_TOLERANCE_RATIO * unit):
+        if not _size(slope, ahead(period + shift)) > FLOW_RTOL * size:
             return
-    later, again = period, ahead(period)
-    problem, remedy = "differs a period later", "give the period of the forcing"
+    again = ahead(period)
     changes = [abs(a - b) for a, b in zip(slope, again, strict=True)]
     i = changes.index(max(changes))
     if changes[i] <= rounding_size(checked.flow, (at,), range(len(checked.definition.modes))):
         return
-    values = f"{slope[i]:.6g} at t = {at.t:.6g} and {again[i]:.6g} at t = {at.t + later:.6g}"
-    problem += f" (for {checked.states[i]} it gives {values})"
-    remedy += ", or simulate the system without one"
+    values = f"{slope[i]:.6g} at t = {at.t:.6g} and {again[i]:.6g} at t = {at.t + period:.6g}"
+    problem = f"differs a period later (for {checked.states[i]} it gives {values})"
+    remedy = "give the period of the forcing, or simulate the system without one"
     raise UserFunction("flow", checked.definition.flow).error(problem, remedy)
-
-
-def flows_differ(one: Sequence[float], other: Sequence[float], size: float) -> bool:
-    """Return whether two slopes differ by more than rounding and a tiny shift in time explain."""
-    return any(abs(a - b) > FLOW_RTOL * size for a, b in zip(one, other, strict=True))
 
 
 # --- Checks at points of runs
@@ -421,8 +413,8 @@ def compare(
     checked: CheckedFunctions, clock: TimeGrid, at: EvaluationPoint, slope: Sequence[float]
 ) -> None:
     """Check the dependence of the flow on time, and constraints, at a point."""
-    if not clock.switches:
-        check_times(checked, at, slope, clock.period, clock.unit)
+    if clock.period is not None and not clock.switches:
+        check_period(checked, at, slope, clock.period, clock.unit)
     for i, (mode, _) in enumerate(checked.definition.constraints):
         if mode == at.mode:
             check_constraint(checked, i, at, slope, clock.unit)
@@ -459,14 +451,10 @@ class ModeMonitor(EventObserver):
         """Record a state, in scaled units, if its mode has not been checked."""
         if at.mode not in self.points or len(self.points[at.mode]) == POINTS_PER_MODE:
             return
-        out, y = self.system.units.out, at.y.copy()
+        y = at.y.copy()
         y[list(self.definition.cyclic)] = 0.0  # the value in functions, which do not depend on them
         time = at.time if self.system.forced else at.cycle * self.problem.period + at.time
-        values = zip(self.system.states, y.tolist(), strict=True)
-        point = EvaluationPoint(
-            at.mode, float(out("time", time)), [float(out(*each)) for each in values]
-        )
-        self.points[at.mode].append(point)
+        self.points[at.mode].append(_in_units(self.system, at.mode, time, y))
 
     def check(self) -> None:
         """Check the functions at the recorded states.
@@ -476,9 +464,7 @@ class ModeMonitor(EventObserver):
         if not any(self.points.values()):
             return
         system, problem, definition = self.system, self.problem, self.definition
-        checked = CheckedFunctions(
-            definition, [system.parameters[name] for name in definition.parameters]
-        )
+        checked = checked_functions(system, definition)
         unit = float(system.units.out("time", problem.time_scale or problem.period))
         clock = TimeGrid(system.forcing_period, unit, problem.switches)
         each = 10 * max(1, len(definition.guards))  # calls at a point, roughly
@@ -739,10 +725,8 @@ def check_parted(
     the flow fails or is inconsistent.
     """
     definition = Definition(states=states, modes=("any",), parameters=tuple(parameters), flow=flow)
-    checked, modes = (
-        CheckedFunctions(definition, list(parameters.values())),
-        named_tuple("Modes", tuple(signs)),
-    )
+    checked = CheckedFunctions(definition, list(parameters.values()))
+    modes = named_tuple("Modes", tuple(signs))
     y = [float(start.get(name, 0.0)) for name in states]
     for each in itertools.product(*signs.values()):
         try:
