@@ -257,7 +257,7 @@ def device_definition(
         guards=guards_of(model, assembled),
         # The state may be one from which a run starts.
         switch_transition=generated(
-            "switched(mode, t, y, p)", "begin(mode, t, y, p), y", begin=assembled.begin
+            "switched(mode, t, y, p)", "begin(mode, t, y, p), y", begin=assembled.composition.begin
         ),
         cyclic=(*model.cyclic, *added),
         constrained=assembled.constrained,

@@ -46,8 +46,10 @@ class ActuatorStateSpace(StateSpace):
         system = self._system
         waveforms = Waveforms.of(system.source)
         assembled = assembled_device(system._kinds, waveforms, summed=system.includes_energy)[-1]
+        forces = assembled.composition.forces
+        assert forces is not None
         rows = zip(samples.mode.tolist(), samples.time.tolist(), samples.y, strict=True)
-        found = assembled.forces.columns(rows, problem.parameters)
+        found = forces.columns(rows, problem.parameters)
         return {name: self._units.scales.out(force, "N") for name, force in found.items()}
 
     def initial(self, direction: str) -> State:

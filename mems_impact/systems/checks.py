@@ -17,7 +17,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems import periodicity, validation
-from mems_impact.systems.components.base import Part
+from mems_impact.systems.components.assembly import Composition
 from mems_impact.systems.components.friction import Friction, NegativeFriction
 from mems_impact.systems.components.sliding import SlidingMotions
 from mems_impact.systems.description import SystemDescription
@@ -93,7 +93,7 @@ class FunctionChecks(Checks):
 
     `times` are forcing period, switching times and time scale: numbers or functions. ``state(y)``
     and ``parameters(problem)`` return a scaled state and the parameters of a problem as functions
-    receive them. `sliding` has the motions on the switching surfaces.
+    receive them.
     """
 
     def __init__(
@@ -101,19 +101,18 @@ class FunctionChecks(Checks):
         system: Any,
         passed: Passed,
         times: Sequence[Any],
-        parts: Sequence[Part],
-        sliding: SlidingMotions | None,
+        composition: Composition,
         state: Callable[[Floats], Any],
         parameters: Callable[[Problem], Any],
     ) -> None:
         super().__init__(system)
         self._definition, self._passed = system.definition, passed
-        self._parts, self._sliding = parts, sliding
+        self._parts, self._sliding = composition.parts, composition.sliding
         self._state, self._parameters = state, parameters
         self.times = tuple(each for each in times if callable(each))
         self.modes = validation.checked_modes(system.definition, times[0])
         self.discontinuity = partial(validation.warn_of_discontinuity, system, system.definition)
-        if sliding is not None:
+        if self._sliding is not None:
             self.mode_failure = self._mode_failure
 
     @property

@@ -19,7 +19,7 @@ from mems_impact.hybrid.event_loop.workspace import whole_periods
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import MAX_CYCLE, Samples
 from mems_impact.hybrid.state import HybridState
-from mems_impact.systems.components.contact_forces import ContactForces
+from mems_impact.systems.components.assembly import Composition
 from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.state import State, is_number, state_from
 
@@ -218,21 +218,19 @@ class StateSpace:
 class FunctionStateSpace(StateSpace):
     """The states of a system that is defined by functions.
 
-    ``begin(mode, t, y, p)`` returns the mode of a state of a system with parts. ``state(y)`` and
-    ``parameters(problem)`` return a scaled state and the parameters of a problem as functions
-    receive them.
+    ``state(y)`` and ``parameters(problem)`` return a scaled state and the parameters of a problem
+    as functions receive them.
     """
 
     def __init__(
         self,
         system: SystemDescription,
-        begin: Callable[..., int] | None,
-        forces: ContactForces | None,
+        composition: Composition,
         state: Callable[[Floats], Any],
         parameters: Callable[[Problem], Any],
     ) -> None:
         super().__init__(system)
-        self._begin, self._forces = begin, forces
+        self._begin, self._forces = composition.begin, composition.forces
         self._state, self._parameters = state, parameters
 
     def contact_forces(self, samples: Samples, problem: Problem) -> dict[str, Floats]:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
-from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -35,10 +34,8 @@ from mems_impact.systems import arguments
 from mems_impact.systems.base import HybridSystem, slope_of
 from mems_impact.systems.checks import FunctionChecks, Passed
 from mems_impact.systems.components import assembly
-from mems_impact.systems.components.assembly import assemble
+from mems_impact.systems.components.assembly import AssembledSystem, Composition, assemble
 from mems_impact.systems.components.base import Part, Quantity
-from mems_impact.systems.components.contact_forces import ContactForces
-from mems_impact.systems.components.sliding import SlidingMotions
 from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import Mode, State
 from mems_impact.systems.state_space import FunctionStateSpace
@@ -154,11 +151,7 @@ class System(HybridSystem):
     _switches: Sequence[float] | Callable[..., Sequence[float]]
     _time_scale: Number | None
     _section: Section | None
-    _begin: Callable[..., int] | None = None
-    _sliding: SlidingMotions | None = None
-    _forces: ContactForces | None = None
-    _parts: tuple[Part, ...] = ()
-    _masses: Mapping[str, Quantity] = MappingProxyType({})
+    _composition: Composition
     _typical: Typical | None = None
     definition: Definition
 
@@ -190,13 +183,12 @@ class System(HybridSystem):
         self.name = str(name)
         self._parameters = arguments.numbers(parameters or {})
         self._period, self._switches, self._time_scale = period, switches, time_scale
-        constrained: tuple[int, ...] = ()
-        projection: Callable[..., Any] | None = None
+        built = AssembledSystem(flow, switch_transition, guards, modes)
         if parts:
             arguments.reject_with_components(
                 modes=modes, switch_transition=switch_transition, constraints=constraints
             )
-            assembled = assemble(
+            built = assemble(
                 parts,
                 flow=flow,
                 states=names,
@@ -207,12 +199,8 @@ class System(HybridSystem):
             )
             signs, start = {part.name: part.signs for part in parts}, arguments.initial(initial)
             check_parted(flow, names, self._parameters, signs, start.as_dict())
-            flow, switch_transition, guards, modes, self._begin, constrained, projection = (
-                assembled[:-2]
-            )
-            self._sliding, self._forces = assembled.sliding, assembled.forces
-            self._parts, self._masses = tuple(parts), dict(masses or {})
-        called = arguments.mode_names(modes, guards)
+        flow, guards, self._composition = built.flow, built.guards, built.composition
+        called = arguments.mode_names(built.modes, guards)
         self.definition = Definition(
             states=names,
             modes=called,
@@ -220,11 +208,11 @@ class System(HybridSystem):
             flow=flow,
             guards=guards,
             switch_transition=arguments.check_optional(
-                "switch_transition", switch_transition, *arguments.transition_arguments(flow)
+                "switch_transition", built.switch_transition, *arguments.transition_arguments(flow)
             ),
             cyclic=arguments.state_indices("cyclic", cyclic, names),
-            constrained=constrained,
-            projection=projection,
+            constrained=built.constrained,
+            projection=built.projection,
             constraints=arguments.constraints(constraints, flow, called),
             forced=period is not None,
         )
@@ -288,14 +276,14 @@ class System(HybridSystem):
     @property
     def state_space(self) -> FunctionStateSpace:
         """Its states: names, modes, conversion from and to scaled states."""
-        return FunctionStateSpace(self, self._begin, self._forces, self._state, self._to_user)
+        return FunctionStateSpace(self, self._composition, self._state, self._to_user)
 
     @property
     def checks(self) -> FunctionChecks:
         """Checks of its functions, before and along motions."""
         system = self.without_until  # an `until` function is only a margin
         times = self._period, self._switches, self._time_scale
-        functions = self._parts, self._sliding, self._state, self._to_user
+        functions = self._composition, self._state, self._to_user
         return FunctionChecks(system, system._passed, times, *functions)
 
     @cached_property
@@ -429,7 +417,7 @@ class System(HybridSystem):
 
     @cached_property
     def _checked_numbers(self) -> ProblemParameters:
-        for limit in assembly.limits(self._parts, self._masses):
+        for limit in self._composition.limits:
             limit.check(self._named(self._parameters.values()))
         return super()._checked_numbers
 
@@ -453,7 +441,7 @@ class System(HybridSystem):
             model,
             automaton=automaton,
             generated=generated,
-            mode_of=self._begin,
+            mode_of=self._composition.begin,
             period=_function_or_none(self._period),
             time_scale=_function_or_none(self._time_scale),
             switches=_function_or_none(self._switches),

@@ -18,8 +18,8 @@ import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from mems_impact.errors import InvalidParameter
@@ -41,8 +41,9 @@ from mems_impact.systems.components.friction import Friction
 from mems_impact.systems.components.sliding import ALL_SURFACES, START, Sliding, SlidingMotions
 from mems_impact.systems.components.statics import Holding
 from mems_impact.systems.components.switching_surface import SwitchingSurface
+from mems_impact.systems.state import Mode
 
-__all__ = ["assemble"]
+__all__ = ["AssembledSystem", "Composition", "assemble"]
 
 # --- Source code of the flow and of the selection of modes
 
@@ -101,27 +102,26 @@ class FlowWriter:
         ]
         scale = self.names[0].value("time_scale", time_scale)
         self.names = [replace(names, time_scale=scale) for names in self.names]
-        contacts = [
+        self.pairs = list(zip(self.names, parts, strict=True))
+        self.touching = [
             (names, part, part.sides(names))
-            for names, part in zip(self.names, parts, strict=True)
+            for names, part in self.pairs
             if isinstance(part, Contact)
         ]
-        self.touching = contacts
-        self.forces = [each for each in contacts if each[1].forces(each[0])]
-        self.contacts = [each for each in contacts if each[1].holding_modes]
+        self.forces = [each for each in self.touching if each[1].forces(each[0])]
+        self.contacts = [each for each in self.touching if each[1].holding_modes]
         self.holding = Holding(self.contacts, len(states), bases)
-        self.frictions = [
-            (names, part)
-            for names, part in zip(self.names, parts, strict=True)
-            if isinstance(part, Friction)
-        ]
+        self.frictions = [(names, part) for names, part in self.pairs if isinstance(part, Friction)]
         surfaces = [
-            (names, part)
-            for names, part in zip(self.names, parts, strict=True)
-            if isinstance(part, SwitchingSurface)
+            (names, part) for names, part in self.pairs if isinstance(part, SwitchingSurface)
         ]
         size = len(states) + len(self.holding.force_index)
         self.sliding = Sliding(surfaces, self.strides, self.count, size, len(states), scale)
+
+    def modes_with(self, number: int, chosen: Collection[int]) -> tuple[int, ...]:
+        """Return the modes in which the part with this number has one of the chosen modes."""
+        stride, count = self.strides[number], self.counts[number]
+        return tuple(mode for mode in range(self.count) if mode // stride % count in chosen)
 
     def digits(self, mode: str = "mode", name: str = "m") -> list[str]:
         """Return the lines that split a mode into the modes of the parts."""
@@ -147,7 +147,7 @@ class FlowWriter:
         n = len(self.states)
         lines = [*self.digits(), f"d = flow_of({self.own_modes()}, t, y, p)"]
         lines += [f"d{j} = d[{j}]" for j in range(n)]
-        for names, part in zip(self.names, self.parts, strict=True):
+        for names, part in self.pairs:
             for mode, rates in part.rates(names).items():
                 lines.append(f"if {names.mode} == {mode}:")
                 lines += [f"    d{j} = {rate}" for j, rate in rates.items()]
@@ -190,14 +190,7 @@ class FlowWriter:
         """Return the forces of the contacts, once the sources are compiled."""
         found = tuple(
             ForcedContact(
-                part.name,
-                sides,
-                frozenset(
-                    mode
-                    for mode in range(self.count)
-                    if mode // self.strides[names.number] % self.counts[names.number]
-                    in part.holding_modes
-                ),
+                part.name, sides, frozenset(self.modes_with(names.number, part.holding_modes))
             )
             for names, part, sides in self.touching
         )
@@ -238,14 +231,8 @@ class FlowWriter:
         for number, each in constraints:
             key = (number, tuple(each.slopes.items()))
             rows.setdefault(key, {})[each.mode] = each.value
-        modes = tuple(
-            mode
-            for mode in range(self.count)
-            if any(
-                mode // self.strides[i] % self.counts[i] == constraint.mode
-                for i, constraint in constraints
-            )
-        )
+        found = (self.modes_with(number, (each.mode,)) for number, each in constraints)
+        modes = tuple(sorted({mode for each in found for mode in each}))
         moved = [f"y[{j}]" for j in range(len(self.states))]
         lines = self.digits()
         for i, ((number, slopes), values) in enumerate(rows.items()):
@@ -277,14 +264,14 @@ class FlowWriter:
     def mode_conditions(self) -> str:
         """Return the source of the test whether a mode fits a state."""
         lines = [*self.digits(), *self.digits("before", "last"), *self.rests()]
-        for names, part in zip(self.names, self.parts, strict=True):
+        for names, part in self.pairs:
             for mode, condition in enumerate(part.state_conditions(names)):
                 if condition != "True":
                     test = f"{names.mode} == {mode} and not ({condition})"
                     lines += [f"if given != {names.number} and {test}:", "    return False"]
         lines += self.holding.blocked()
         lines += ["x = slopes(mode, t, y, p)", *self.holding.limits(), *self.sliding.conditions()]
-        for names, part in zip(self.names, self.parts, strict=True):
+        for names, part in self.pairs:
             tests: list[str] = []
             tests += self.unlimited(names)
             if names.contact is not None:
@@ -371,8 +358,7 @@ class FlowWriter:
         ]
         lines = [*self.digits("mode", "last"), *self.rests()]
         lines += [
-            f"stays{names.number} = {part.preferred_mode(names)}"
-            for names, part in zip(self.names, self.parts, strict=True)
+            f"stays{names.number} = {part.preferred_mode(names)}" for names, part in self.pairs
         ]
         lines += [*self.together(), *self.sliding.exit()]
         # The mode after an event fits up to rounding, so this test is the last.
@@ -469,21 +455,30 @@ def concise(signature: str, lines: Sequence[str]) -> str:
 # --- Assembly
 
 
+@dataclass(frozen=True)
+class Composition:
+    """The parts of a system, and functions of their modes."""
+
+    parts: tuple[Part, ...] = ()
+    limits: tuple[Limit, ...] = ()  # of quantities of parts, and of masses
+    # ``begin(mode, t, y, p)`` returns the mode of a state; if several fit, `mode` if it is one.
+    begin: Callable[..., int] | None = None
+    sliding: SlidingMotions | None = None  # the motions of a state on surfaces
+    forces: ContactForces | None = None
+
+
 class AssembledSystem(NamedTuple):
-    """The arguments of a `System`, assembled from parts."""
+    """The arguments of a `System`, as given or assembled from parts."""
 
     flow: Callable[..., Any]
-    switch_transition: Callable[..., Any]
+    switch_transition: Callable[..., Any] | None
     guards: tuple[Guard, ...]
-    modes: tuple[str, ...]  # of the parts, joined by dashes
-    # ``begin(mode, t, y, p)`` returns the mode of a state; if several fit, `mode` if it is one.
-    begin: Callable[..., int]
+    modes: Sequence[Mode | str] | None  # of parts: their modes, joined by dashes
     # The modes in which contacts hold or the state slides on a surface.
-    constrained: tuple[int, ...]
+    constrained: tuple[int, ...] = ()
     # ``projection(mode, t, y, p)`` projects a state onto the constraints of its mode.
-    projection: Callable[..., Any] | None
-    sliding: SlidingMotions | None  # the motions of a state on surfaces
-    forces: ContactForces
+    projection: Callable[..., Any] | None = None
+    composition: Composition = Composition()
 
 
 def check(
@@ -526,12 +521,6 @@ def bodies(
     return by_velocity, bases
 
 
-def limits(parts: Sequence[Part], masses: Mapping[str, Quantity]) -> tuple[Limit, ...]:
-    """Return the limits of the quantities of parts, and of masses."""
-    of_masses = [Limit(f"mass of {v}", mass, exclusive=True) for v, mass in masses.items()]
-    return (*of_masses, *(limit for part in parts for limit in part.limits()))
-
-
 def assemble(
     parts: Sequence[Part],
     *,
@@ -555,7 +544,9 @@ def assemble(
             velocity = states[sides.other_velocity]
             allowed = f"given for {velocity!r}, on which {names.part.name!r} and another part act"
             raise InvalidParameter("masses", dict(masses), allowed)
-    n = len(states)
+    slopes = ", ".join(f"x[{j}]" for j in range(len(states)))
+    switched = "return settled(mode, -1, -1, 0, t, y, p), y"
+    begun = f"return settled(mode, {START}, -1, 1, t, y, p)"
     sources = [
         text.field(),
         *text.slopes(),
@@ -563,29 +554,14 @@ def assemble(
         text.mode_conditions(),
         *text.sliding.rivals(),
         text.settled(),
+        function("flow(mode, t, y, p)", ["x = slopes(mode, t, y, p)", f"return ({slopes},)"]),
+        function("switch_transition(mode, t, y, p)", [switched]),
+        *text.sliding.start(),
+        function("begin(mode, t, y, p)", [begun]),
     ]
-    sources.append(
-        function(
-            "flow(mode, t, y, p)",
-            ["x = slopes(mode, t, y, p)", f"return ({', '.join(f'x[{j}]' for j in range(n))},)"],
-        )
-    )
-    sources.append(
-        function(
-            "switch_transition(mode, t, y, p)", ["return settled(mode, -1, -1, 0, t, y, p), y"]
-        )
-    )
-    sources += text.sliding.start()
-    sources.append(
-        function("begin(mode, t, y, p)", [f"return settled(mode, {START}, -1, 1, t, y, p)"])
-    )
-    constrained, lines = text.projection()
-    sources += lines
-    specs = [
-        (names, spec)
-        for names, part in zip(text.names, parts, strict=True)
-        for spec in part.guards(names)
-    ]
+    constrained, projection = text.projection()
+    specs = [(names, spec) for names, part in text.pairs for spec in part.guards(names)]
+    sources += projection
     sources += [text.guard(i, names, spec) for i, (names, spec) in enumerate(specs)]
     sources += [text.users(i, guard) for i, guard in enumerate(guards)]
     space = text.space
@@ -596,17 +572,12 @@ def assemble(
     assembled = []
     for i, (names, spec) in enumerate(specs):
         kind = Guard if spec.rest is None else Impact
-        number, stride = names.number, text.strides[names.number]
         assembled.append(
             kind(
                 spec.name,
                 space[f"margin_{i}"],
                 space[f"transition_{i}"],
-                modes=tuple(
-                    mode
-                    for mode in range(text.count)
-                    if mode // stride % text.counts[number] in spec.modes
-                ),
+                modes=text.modes_with(names.number, spec.modes),
                 rest=space.get(f"rest_{i}"),
                 condition=True,
             )
@@ -619,14 +590,20 @@ def assemble(
         assembled.append(replace(guard, **functions))
     combinations = itertools.product(*(part.modes for part in reversed(parts)))
     modes = tuple("-".join(reversed(each)) for each in combinations)
+    limits = [Limit(f"mass of {v}", mass, exclusive=True) for v, mass in masses.items()]
+    composition = Composition(
+        tuple(parts),
+        (*limits, *(limit for part in parts for limit in part.limits())),
+        space["begin"],
+        text.sliding.motions(states, modes) if text.sliding.surfaces else None,
+        text.contact_forces(),
+    )
     return AssembledSystem(
         space["flow"],
         space["switch_transition"],
         tuple(assembled),
         modes,
-        space["begin"],
         constrained,
         space.get("projection"),
-        text.sliding.motions(states, modes) if text.sliding.surfaces else None,
-        text.contact_forces(),
+        composition,
     )
