@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.studies.sampling import Interval, axis, box_of, deviations, distributions
+from mems_impact.analysis.equilibrium import checked_box
+from mems_impact.studies.sampling import Interval, axis, deviations, distributions
 from tests._util.test_quantities import PintQuantity
 
 MITA, ZHAO = mi.load_actuator("mita2003"), mi.load_actuator("zhao2004")
@@ -43,7 +44,7 @@ def test_values_of_axes():
     turning = MITA.under(DRIVE.replace(omega=600.0))
     found = axis("x", ("omega", "100 Hz"), tuple(turning.parameters), turning)
     assert found.values == (200.0 * math.pi,)
-    assert box_of({"x2": ("-1 um", "1 um")}, SI) == (("x2", -1e-6, 1e-6),)
+    assert checked_box(SI, {"x2": ("-1 um", "1 um")}) == {"x2": (-1e-6, 1e-6)}
     assert OSCILLATOR.changed(k="3 uN/um").parameters == {"k": 3.0}
 
 
