@@ -68,7 +68,8 @@ def takes_system(
     """
 
     def decorated(verb: Callable[Concatenate[HybridSystem, P], R]) -> Verb[P, R]:
-        first, *names = inspect.signature(verb).parameters
+        first, *names = parameters = inspect.signature(verb).parameters
+        takes_any = any(each.kind is each.VAR_KEYWORD for each in parameters.values())
 
         @functools.wraps(verb)
         def called(*arguments: Any, **keywords: Any) -> Any:
@@ -91,7 +92,7 @@ def takes_system(
             else:
                 allowed = "a System, or an Actuator (see load_actuator) and a Drive"
                 raise InvalidParameter(typed, model, allowed)
-            for name in keywords.keys() - set(names):
+            for name in () if takes_any else keywords.keys() - set(names):
                 problem = f"{verb.__name__}() got an unexpected keyword argument {name!r}"
                 if "options" in names and name in {each.name for each in fields(Options)}:
                     raise TypeError(f"{problem}: give options=Options({name}=…)")
