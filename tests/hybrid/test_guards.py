@@ -386,6 +386,36 @@ def test_a_flat_margin_has_the_events_of_its_sign(margin, h, g, e, size, method,
     assert events["t"].iloc[-1] == pytest.approx(end, rel=1e-8)
 
 
+@ways
+def test_a_flat_zero_of_time_fires_once(options):
+    """Zeros of (t - 5)^2 sin(pi t) and, at t = 3, of 1 - (4 - t)^6, in few evaluations."""
+    calls = []
+
+    def crossing(name, sign, function):
+        def margin(mode, t, y, p):
+            calls.append(name)
+            return sign * function(t)
+
+        return mi.Guard(name, margin)
+
+    def flat(t):
+        return (t - 5.0) ** 2 * math.sin(math.pi * t)
+
+    def steep(t):
+        return 1.0 - (4.0 - t) ** 6 if t < 4.0 else 1.0
+
+    def times(*guards):
+        system = mi.System(states=("x",), flow=lambda mode, t, y, p: (1.0,), guards=guards)
+        return mi.simulate(system, duration=9.5, options=options).events["t"].to_numpy()
+
+    falls, rises = crossing("falls", 1.0, flat), crossing("rises", -1.0, flat)
+    assert times(falls) == pytest.approx([1.0, 3.0, 5.0, 7.0, 9.0], abs=1e-12)
+    assert times(falls, rises, crossing("steep", -1.0, steep)) == pytest.approx(
+        [0.0, 1.0, 2.0, 3.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], abs=1e-12
+    )
+    assert len(calls) < 30_000
+
+
 def bouncer(margin, force, initial, **parameters):
     """A ball over the floor at 0.37, where the bounces leave the position as it is."""
     return mi.System(

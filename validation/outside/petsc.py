@@ -1,4 +1,4 @@
-"""Event tests of PETSc, which locate zeros of functions of time."""
+"""Event tests and hybrid tutorials of PETSc: times of events, derivatives through events."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ __all__ = ["SUITE"]
 
 Function = Callable[[float], float]
 FOLDER = "src/ts/event/tests/output"
+TUTORIALS = "src/ts/tutorials"
 ERRORS = {"ex4_F7revisit": 0.005}  # option -errtol of the tests, by default:
 ERROR = 1e-5
 TIMES = re.compile(r"^(?:\d+\t(\S+)\t|PostEvent.* time (\S+))", re.MULTILINE)
@@ -77,11 +78,103 @@ TESTS: dict[str, tuple[Sequence[Function], float, float]] = {
 }
 
 
+# --- Tutorials
+
+# Balls by the name of the tutorial: each starts at the first height, and is put to the second.
+BALLS = {
+    "ex40": [(0.0, 0.0)],
+    "ex41": [(0.0, 0.0), (1.0, 1.0)],
+    "ex44": [(0.0, 0.0)],
+    "ex44_2": [(0.0, 0.0), (5.0, 0.0)],
+}
+FIRST, SECOND = mi.modes("first", "second")
+DIGITS = 0.005  # of the times of balls
+STEPS = 0.02  # relative, of 32 steps of Crank and Nicolson's method
+HIT = re.compile(r"at t = +(\S+) seconds")
+CHANGE = re.compile(r"(?:at t =|/ ?d [^=]*=) +(\S+)")
+
+
+def ball(start: float, level: float) -> mi.System:
+    def bounce(mode, t, y, p):  # type: ignore[no-untyped-def]
+        return mode, (level, -0.9 * y.v)
+
+    return mi.System(
+        states=("h", "v"),
+        flow=lambda mode, t, y, p: (y.v, -9.8),
+        guards=[mi.Guard("ground", lambda mode, t, y, p: y.h, bounce)],
+        initial={"h": start, "v": 20.0},
+    )
+
+
+def hits(name: str, end: float) -> list[float]:
+    """Return the times of all balls at the ground."""
+    balls = BALLS.get(name) or BALLS[name.partition("_")[0]]
+    runs = [mi.simulate(ball(*each), duration=end) for each in balls]
+    return sorted(t for run in runs for t in run.events["t"])
+
+
+def foci() -> mi.System:
+    """Two linear foci, between which two lines switch."""
+
+    def flow(mode, t, y, p):  # type: ignore[no-untyped-def]
+        if mode == FIRST:
+            return y.u - 100.0 * y.v, 10.0 * y.u + y.v
+        return y.u + 10.0 * y.v, -100.0 * y.u + y.v
+
+    def steep(mode, t, y, p):  # type: ignore[no-untyped-def]
+        return y.v - p.steep * y.u
+
+    def level(mode, t, y, p):  # type: ignore[no-untyped-def]
+        return 0.36 * y.u - y.v
+
+    guards = [
+        mi.Guard("steep", steep, lambda mode, t, y, p: (SECOND, y), modes=(FIRST,)),
+        mi.Guard("level", level, lambda mode, t, y, p: (FIRST, y), modes=(SECOND,)),
+    ]
+    return mi.System(
+        states=("u", "v"),
+        flow=flow,
+        guards=guards,
+        modes=(FIRST, SECOND),
+        initial={"v": 1.0},
+        parameters={"steep": 2.75},
+    )
+
+
+def changes(count: int) -> list[float]:
+    """Return the times of changes and, of more numbers, derivatives of the end."""
+    if not count:
+        raise Refused("an output of steps")
+    run = mi.simulate(foci(), duration=0.125)
+    derivatives = run.derivatives(["x0.u", "x0.v", "steep"]).final
+    return [*run.events["t"], *derivatives.to_numpy().T.ravel()][:count]
+
+
 # --- Cases
 
 
 def cases(folder: Path) -> Iterator[Case]:
     """Yield the cases: an output each."""
+    for path in sorted(folder.glob(f"{TUTORIALS}/output/ex4[014]*.out")):
+        if found := numbers(HIT, path):
+            yield Case(
+                name=path.stem,
+                group="bouncing balls",
+                values=partial(hits, path.stem, found[-1] + DIGITS),
+                reference=found,
+                absolute=DIGITS,
+                relative=0.0,
+            )
+    for path in sorted(folder.glob(f"{TUTORIALS}/hybrid/output/*.out")):
+        found = numbers(CHANGE, path)
+        yield Case(
+            name=f"hybrid/{path.stem}",
+            group="switched foci",
+            values=partial(changes, len(found)),
+            reference=found,
+            absolute=0.0,
+            relative=STEPS,
+        )
     for path in sorted(folder.glob(f"{FOLDER}/*.out")):
         yield Case(
             name=path.stem,
@@ -91,6 +184,11 @@ def cases(folder: Path) -> Iterator[Case]:
             absolute=ERRORS.get(path.stem, ERROR),
             relative=0.0,
         )
+
+
+def numbers(pattern: re.Pattern[str], path: Path) -> list[float]:
+    """Return the numbers of an output; those of a repeated solution once."""
+    return [float(each) for each in dict.fromkeys(pattern.findall(path.read_text()))]
 
 
 def times(output: str) -> list[float]:
@@ -137,6 +235,6 @@ def rotation(mode, t, y, p):  # type: ignore[no-untyped-def]
 SUITE = Suite(
     repository="https://gitlab.com/petsc/petsc",
     licence="BSD 2-clause",
-    files=FOLDER,
+    files=f"{FOLDER}, {TUTORIALS}/output, {TUTORIALS}/hybrid/output",
     cases=cases,
 )

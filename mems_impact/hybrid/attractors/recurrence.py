@@ -394,7 +394,7 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     s.section_speed = 0.0
     s.section_step = 0.0
     s.section_curvature = 0.0
-    s.starts_negative = 0
+    s.biased = 0
     s.negative_by_error = 0
     s.recent_step = 0.0
     s.step_cut = 0

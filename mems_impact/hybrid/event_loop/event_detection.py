@@ -100,6 +100,11 @@ def time_magnitude(s: Any, i: int, t: float) -> float:
     return abs(time_base(s) + t) if table_row(s, TIMED)[i] == 1 else abs(t)
 
 
+def time_rounding(s: Any, i: int, t: float) -> float:
+    """Return a few rounding errors of the time that margin `i` receives at `t`."""
+    return 8.0 * EPS * time_magnitude(s, i, t)
+
+
 def rounding_error(s: Any, k: int) -> float:
     """Return the rounding error of margin or rate `k`, with a safety factor.
 
@@ -361,8 +366,9 @@ def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -
             or (is_scanned and (margins_after[i] != 1.0 or margins_after[m + i] != 1.0))
         )
         if is_active and h > 0.0 and bias <= TINY_BIAS:
+            # Rounding of the time that the margin receives dominates a shorter step.
             rate_changes[i] = max(
-                abs(margins_after[m + i] - margins_before[m + i]) / h,
+                abs(margins_after[m + i] - margins_before[m + i]) / max(h, time_rounding(s, i, t)),
                 RATE_CHANGE_DECAY * rate_changes[i],
             )
             # At a root the margin is zero within the root tolerance of the engine.
@@ -475,7 +481,7 @@ def first_event_in_step(
             else:
                 # Ignore the margin until it has risen, or decreases at the end of a step.
                 s.negative_by_error = 1
-                s.starts_negative = 1
+                s.biased = 1
                 depth = abs(table_row(s, MARGINS_AT)[i])
                 interface.set_bias(engine, i, bias + depth + 2.0 * rounding_error(s, i))
     return guard, t_event
@@ -571,7 +577,7 @@ def find_hidden_crossing(
     span = t - t_start
     if is_long(s, t_start, t):
         span = min(span, 2.0 * resolution(s, t))
-    min_width = max(MIN_SUBSTEP_RATIO * span, 8.0 * EPS * abs(t))
+    min_width = max(MIN_SUBSTEP_RATIO * span, time_rounding(s, i, t))
     width = 0.5 * span
     while a < t:
         b = a + width if a + 1.5 * width < t else t

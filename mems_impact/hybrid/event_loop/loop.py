@@ -180,7 +180,7 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             s.first_arc = s.negative_by_error
             continue
         is_suspect = update_margins(engine, s, status, t_start, t)
-        if s.starts_negative == 1:
+        if s.biased == 1:
             clear_bias(engine, s)
 
         guard, t_event = NONE, t
@@ -265,7 +265,7 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
     # bias. A guard that waits does not fire again, even if rounding left its margin positive; such
     # a margin may stay negative.
     m, waiting = s.m, table_row(s, WAITING)
-    s.starts_negative = 0
+    s.biased = 0
     s.mode_before = s.mode
     for i in range(m):
         rate_changes[i] = 0.0
@@ -289,8 +289,9 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
         interface.set_bias(
             engine, i, -margins[i] * (1.0 + 1e-9) + tiny_bias if is_lifted or has_fallen else 0.0
         )
-        if margins[i] < 0.0 and margins[i] < -rounding_error(s, i) and not stays_below:
-            s.starts_negative = 1
+        starts_below = margins[i] < 0.0 and margins[i] < -rounding_error(s, i)
+        if (starts_below and not stays_below) or noise > 0.0:
+            s.biased = 1
     sharpen(engine, s, y)
     interface.restart(engine, s.mode, s.t, y, s.stop)
     init_section(engine, s, y)
@@ -367,7 +368,7 @@ def clear_bias(engine: Any, s: Any) -> None:
     """Remove the bias of margins that have become positive."""
     margins = table_row(s, MARGINS_AFTER)
     for i in range(s.m):
-        if interface.bias(engine, i) > TINY_BIAS and margins[i] > rounding_error(s, i):
+        if abs(interface.bias(engine, i)) > TINY_BIAS and margins[i] > rounding_error(s, i):
             interface.set_bias(engine, i, 0.0)
 
 

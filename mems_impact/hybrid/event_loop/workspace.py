@@ -163,7 +163,7 @@ LOOP_STATE = np.dtype(
         ("section_speed", np.float64),  # mean rate of that distance over the last step
         ("section_step", np.float64),  # length of that step
         ("section_curvature", np.float64),  # recent rate of change of that speed
-        ("starts_negative", np.int64),  # 1 in an arc with a margin that started clearly negative
+        ("biased", np.int64),  # 1 in an arc with margins whose bias ends where they are positive
         ("negative_by_error", np.int64),  # 1 while a margin is negative by the error of a step
         ("recent_step", np.float64),  # recent step length, 0 at the start of an arc
         ("step_cut", np.int64),  # 1 if the last step ended at a root or a switch
