@@ -7,6 +7,7 @@ the value and the allowed range.
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import reduce
 from inspect import Parameter, Signature
@@ -41,6 +42,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from mems_impact._util.formatting import html_table
 from mems_impact._util.limits import Limits
 from mems_impact._util.quantities import has_unit, quantity
+from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.errors import InvalidParameter
 
 __all__ = [
@@ -49,7 +51,9 @@ __all__ = [
     "Given",
     "NonNegative",
     "Number",
+    "OptionalPositive",
     "Positive",
+    "Unit",
     "limits_of",
     "unknown",
 ]
@@ -79,11 +83,23 @@ if TYPE_CHECKING:
 else:
     Given = Annotated[T, "given in other forms too"]
 
+
+@dataclass(frozen=True)
+class Unit:
+    """The SI unit of a field, in its annotation, and the plausible range of its numbers."""
+
+    symbol: str
+    plausible: Range | None = None
+
+
 Number = Annotated[Given[float], BeforeValidator(_to_float), Field(allow_inf_nan=False)]
 """A finite number."""
 
 Positive = Annotated[Number, Field(gt=0)]
 """A finite number > 0."""
+
+OptionalPositive = Annotated[Positive | None, Field(description="a finite number > 0")]
+"""A finite number > 0, or None."""
 
 NonNegative = Annotated[Number, Field(ge=0)]
 """A finite number >= 0."""
@@ -163,6 +179,17 @@ class Checked(BaseModel, metaclass=_Kind):
     def __pydantic_init_subclass__(cls, **more: Any) -> None:
         # Only types and defaults, without pydantic's annotations.
         super().__pydantic_init_subclass__(**more)
+        declared = {
+            name: each
+            for name, field in cls.model_fields.items()
+            for each in field.metadata
+            if isinstance(each, Unit)
+        }
+        if declared:
+            units = {name: each.symbol for name, each in declared.items() if each.symbol}
+            ranges = {name: each.plausible for name, each in declared.items() if each.plausible}
+            for attribute, own in (("units", units), ("plausible", ranges)):
+                setattr(cls, attribute, {**getattr(cls, attribute, {}), **own})
         cls.__signature__ = Signature(
             [
                 Parameter(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 __all__ = [
-    "CAPACITANCE", "CLAMP", "ELECTRODE_LENGTH", "FORCE", "LENGTH", "MASS", "PER_SPEED", "SPEED",
-    "STIFFNESS", "Range",
+    "CAPACITANCE", "CLAMP", "ELECTRODE_LENGTH", "FORCE", "LENGTH", "MASS", "PERMITTIVITIES",
+    "PER_SPEED", "SPEED", "STIFFNESS", "Range",
 ]  # fmt: skip
 
 
@@ -23,5 +23,5 @@ MASS, LENGTH = Range(1e-13, 1e-7, 1e-3), Range(1e-9, 5e-6, 1e-3)
 ELECTRODE_LENGTH = Range(1e-7, 1e-4, 1e-1)
 STIFFNESS, FORCE = Range(1e-4, 10.0, 1e6), Range(1e-13, 1e-6, 0.1)
 CLAMP = Range(1e-12, 1e-4, 10.0)
-CAPACITANCE = Range(1e-19, 1e-12, 1e-6)
+CAPACITANCE, PERMITTIVITIES = Range(1e-19, 1e-12, 1e-6), Range(8.8e-12, 8.9e-12, 1e-9)
 SPEED, PER_SPEED = Range(1e-10, 1e-2, 1e3), Range(1e-6, 1.0, 1e6)

@@ -68,8 +68,8 @@ class Drive(Checked, ABC):
     units : mapping of str to str
         The SI unit of every field that is not dimensionless: "V" (a charge in C if the actuator has
         a `ChargeDrive`), "s", "rad/s" or "Hz" (see `mems_impact.actuator.units.KNOWN_UNITS`). The
-        unit determines `scaled`, and the heading of the field in tables of a device in SI. A field
-        may hold a tuple (of tuples) of numbers in its unit.
+        unit determines `scaled`, and the heading of the field in tables of a device in SI. It may
+        be a `Unit` in the annotation of the field, which may hold a tuple (of tuples) of numbers.
 
     Methods
     -------

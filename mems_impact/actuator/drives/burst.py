@@ -17,7 +17,7 @@ from mems_impact.actuator.drives.timeline import (
     repeated,
     retime,
 )
-from mems_impact.actuator.parameter_base import Number, Positive
+from mems_impact.actuator.parameter_base import Number, OptionalPositive, Unit
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Burst"]
@@ -67,10 +67,8 @@ class Burst(Drive):
 
     wave: Drive = Field(description="a drive")
     on: Annotated[Number, Gt(0), Le(MAX_BURST_PERIODS)]
-    off: Positive | None = Field(default=None, description="a finite number > 0")
-    pause: Positive | None = Field(default=None, description="a finite number > 0")
-
-    units = {"pause": "s"}  # noqa: RUF012 - ClassVar in Drive
+    off: OptionalPositive = None
+    pause: Annotated[OptionalPositive, Unit("s")] = None
 
     @model_validator(mode="after")
     def _check_pause(self) -> Self:

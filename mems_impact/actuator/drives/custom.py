@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
 from mems_impact.actuator.drives.base import Drive, Waveform
-from mems_impact.actuator.parameter_base import Given, Positive
+from mems_impact.actuator.parameter_base import Given, OptionalPositive, Positive, Unit
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.differences import central_difference
 from mems_impact.hybrid.pickling import portable, same_function
@@ -111,7 +111,7 @@ class Custom(Drive):
 
     function: Function
     rate: Function
-    period: Positive
+    period: Annotated[Positive, Unit("s")]
     values: Annotated[
         Given[tuple[tuple[str, float], ...]],
         BeforeValidator(_pairs),
@@ -120,11 +120,9 @@ class Custom(Drive):
     switches: Annotated[
         Given[tuple[float, ...]], BeforeValidator(_times), Field(description=TIMES_KIND)
     ] = ()
-    fastest: Positive | None = Field(default=None, description="a finite number > 0")
+    fastest: Annotated[OptionalPositive, Unit("s")] = None
     time_unit: Positive = 1.0
     voltage_unit: Positive = 1.0
-
-    units = {"period": "s", "fastest": "s"}  # noqa: RUF012 - ClassVar in Drive
 
     @model_validator(mode="after")
     def _check_functions(self) -> Self:

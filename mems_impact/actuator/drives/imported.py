@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.parameter_base import Number, Positive
+from mems_impact.actuator.parameter_base import Number, Positive, Unit
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["VOLTAGES", "imported"]
@@ -39,11 +40,9 @@ def _left_rate(t: float, q: NDArray[np.float64]) -> float:
 class ImportedVoltage(Drive):
     """Voltages at the electrodes that the importer of a model sets at any time."""
 
-    level: Number  # initial voltage at the right electrode [V]
-    period: Positive  # a time that resolves the voltage [s]
-    left_level: Number = 0.0  # voltage at the left electrode [V]
-
-    units = {"level": "V", "left_level": "V", "period": "s"}  # noqa: RUF012 - ClassVar in Drive
+    level: Annotated[Number, Unit("V")]  # initial voltage at the right electrode [V]
+    period: Annotated[Positive, Unit("s")]  # a time that resolves the voltage [s]
+    left_level: Annotated[Number, Unit("V")] = 0.0  # voltage at the left electrode [V]
 
     voltage = staticmethod(_right)
     voltage_rate = staticmethod(_right_rate)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Self
+from typing import Annotated, Self
 
 from pydantic import model_validator
 
 from mems_impact._util.formatting import shown
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
-from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Pulse", "pulse", "warn_of_constant_force"]
@@ -55,22 +55,13 @@ class Pulse(PiecewiseDrive):
     (0.175, 3)
     """
 
-    amplitude: NonNegative
-    period: Positive
-    width: Positive
-    rise: NonNegative = 0.0
-    fall: NonNegative = 0.0
-    low: Number = 0.0
+    amplitude: Annotated[NonNegative, Unit("V")]
+    period: Annotated[Positive, Unit("s")]
+    width: Annotated[Positive, Unit("s")]
+    rise: Annotated[NonNegative, Unit("s")] = 0.0
+    fall: Annotated[NonNegative, Unit("s")] = 0.0
+    low: Annotated[Number, Unit("V")] = 0.0
     phase: Number = 0.0
-
-    units = {  # noqa: RUF012 - ClassVar in Drive
-        "amplitude": "V",
-        "period": "s",
-        "width": "s",
-        "rise": "s",
-        "fall": "s",
-        "low": "V",
-    }
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from mems_impact._util.formatting import shown
 from mems_impact.actuator.drives.aperiodic import AperiodicDrive
 from mems_impact.actuator.drives.piecewise import Piece
-from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
+from mems_impact.actuator.parameter_base import (
+    NonNegative,
+    Number,
+    OptionalPositive,
+    Positive,
+    Unit,
+)
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["PulseAndHold"]
@@ -56,23 +62,13 @@ class PulseAndHold(AperiodicDrive):
     [0.6, 0.0, 0.4]
     """
 
-    amplitude: NonNegative
-    width: Positive
-    hold: NonNegative
-    pause: NonNegative = 0.0
-    low: Number = 0.0
-    rise: NonNegative = 0.0
-    duration: Positive | None = Field(default=None, description="a finite number > 0")
-
-    units = {  # noqa: RUF012 - ClassVar in Drive
-        "amplitude": "V",
-        "width": "s",
-        "hold": "V",
-        "pause": "s",
-        "low": "V",
-        "rise": "s",
-        "duration": "s",
-    }
+    amplitude: Annotated[NonNegative, Unit("V")]
+    width: Annotated[Positive, Unit("s")]
+    hold: Annotated[NonNegative, Unit("V")]
+    pause: Annotated[NonNegative, Unit("s")] = 0.0
+    low: Annotated[Number, Unit("V")] = 0.0
+    rise: Annotated[NonNegative, Unit("s")] = 0.0
+    duration: Annotated[OptionalPositive, Unit("s")] = None
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:

@@ -16,7 +16,7 @@ from mems_impact._util.formatting import shown
 from mems_impact._util.text_tables import even_times
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
-from mems_impact.actuator.parameter_base import Given, Number, Positive
+from mems_impact.actuator.parameter_base import Given, Number, Positive, Unit
 from mems_impact.actuator.toml_files import read_columns
 from mems_impact.errors import InvalidParameter, ValidityWarning
 
@@ -90,12 +90,10 @@ class Sampled(PiecewiseDrive):
     10.0
     """
 
-    times: Numbers
-    voltages: Numbers
-    period: Positive = math.nan  # by default that of the record
+    times: Annotated[Numbers, Unit("s")]
+    voltages: Annotated[Numbers, Unit("V")]
+    period: Annotated[Positive, Unit("s")] = math.nan  # by default that of the record
     phase: Number = 0.0
-
-    units = {"times": "s", "voltages": "V", "period": "s"}  # noqa: RUF012 - ClassVar in Drive
 
     @classmethod
     def from_csv(

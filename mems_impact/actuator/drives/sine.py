@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from pydantic import model_validator
 
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import ProblemParameters
 
@@ -68,13 +68,11 @@ class Sine(Drive):
     True
     """
 
-    amplitude: NonNegative
-    omega: Positive = math.nan  # or a frequency
-    bias: Number = 0.0
+    amplitude: Annotated[NonNegative, Unit("V")]
+    omega: Annotated[Positive, Unit("rad/s")] = math.nan  # or a frequency
+    bias: Annotated[Number, Unit("V")] = 0.0
     phase: Number = 0.0
-    frequency: Positive | None = None
-
-    units = {"amplitude": "V", "omega": "rad/s", "bias": "V", "frequency": "Hz"}  # noqa: RUF012
+    frequency: Annotated[Positive | None, Unit("Hz")] = None
 
     voltage = staticmethod(_sine_voltage)
     voltage_rate = staticmethod(_sine_voltage_rate)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from functools import cache, lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.piecewise import COUNT, FIRST, PERIOD, fold, piece_at
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import Positive, Unit
 
 __all__ = ["SlewedDrive"]
 
@@ -47,9 +47,7 @@ class SlewedDrive(Drive):
     """The periodic output of a source with a slew rate."""
 
     wave: Drive = Field(description="a drive")  # the demanded voltage
-    rate: Positive  # largest absolute rate of the output [V/s]
-
-    units = {"rate": "V/s"}  # noqa: RUF012 - ClassVar in Drive
+    rate: Annotated[Positive, Unit("V/s")]  # largest absolute rate of the output [V/s]
 
     @property
     def period(self) -> float:

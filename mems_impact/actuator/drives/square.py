@@ -10,7 +10,7 @@ from pydantic import model_validator
 
 from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
 from mems_impact.actuator.drives.pulse import pulse, warn_of_constant_force
-from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Square"]
@@ -62,21 +62,13 @@ class Square(PiecewiseDrive):
     (0.24, 0.0)
     """
 
-    amplitude: NonNegative
-    omega: Positive = math.nan  # or a frequency
+    amplitude: Annotated[NonNegative, Unit("V")]
+    omega: Annotated[Positive, Unit("rad/s")] = math.nan  # or a frequency
     duty: Annotated[Number, Gt(0), Lt(1)] = 0.5
-    rise: NonNegative = 0.0
-    low: Number = 0.0
+    rise: Annotated[NonNegative, Unit("s")] = 0.0
+    low: Annotated[Number, Unit("V")] = 0.0
     phase: Number = 0.0
-    frequency: Positive | None = None
-
-    units = {  # noqa: RUF012 - ClassVar in Drive
-        "amplitude": "V",
-        "omega": "rad/s",
-        "rise": "s",
-        "low": "V",
-        "frequency": "Hz",
-    }
+    frequency: Annotated[Positive | None, Unit("Hz")] = None
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:

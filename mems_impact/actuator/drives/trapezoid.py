@@ -9,7 +9,7 @@ from annotated_types import Ge, Lt
 from pydantic import model_validator
 
 from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
-from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Trapezoid"]
@@ -52,14 +52,12 @@ class Trapezoid(PiecewiseDrive):
     0.24
     """
 
-    amplitude: NonNegative
-    omega: Positive = math.nan  # or a frequency
+    amplitude: Annotated[NonNegative, Unit("V")]
+    omega: Annotated[Positive, Unit("rad/s")] = math.nan  # or a frequency
     flat: Annotated[Number, Ge(0), Lt(1)] = 0.5
-    bias: Number = 0.0
+    bias: Annotated[Number, Unit("V")] = 0.0
     phase: Number = 0.0
-    frequency: Positive | None = None
-
-    units = {"amplitude": "V", "omega": "rad/s", "bias": "V", "frequency": "Hz"}  # noqa: RUF012
+    frequency: Annotated[Positive | None, Unit("Hz")] = None
 
     @model_validator(mode="after")
     def _check_period(self) -> Self:

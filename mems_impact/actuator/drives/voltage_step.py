@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from mems_impact.actuator.drives.aperiodic import AperiodicDrive
 from mems_impact.actuator.drives.piecewise import Piece
-from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.parameter_base import NonNegative, OptionalPositive, Unit
 
 __all__ = ["VoltageStep"]
 
@@ -46,11 +46,9 @@ class VoltageStep(AperiodicDrive):
     (0.3, 0.6)
     """
 
-    amplitude: NonNegative
-    rise: NonNegative = 0.0
-    duration: Positive | None = Field(default=None, description="a finite number > 0")
-
-    units = {"amplitude": "V", "rise": "s", "duration": "s"}  # noqa: RUF012 - ClassVar in Drive
+    amplitude: Annotated[NonNegative, Unit("V")]
+    rise: Annotated[NonNegative, Unit("s")] = 0.0
+    duration: Annotated[OptionalPositive, Unit("s")] = None
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
-from mems_impact.actuator.parameter_base import Checked, NonNegative, Number, Positive
+from mems_impact.actuator.parameter_base import Checked, NonNegative, Number, Positive, Unit
 from mems_impact.actuator.terms.comb_drive import PERMITTIVITY
 from mems_impact.actuator.terms.squeeze_film import rarefaction
 from mems_impact.errors import InvalidParameter
@@ -39,33 +39,20 @@ class Finding(NamedTuple):
 class Process(Checked):
     """The process and the gas; see `Geometry`."""
 
-    thickness: Positive
-    youngs_modulus: Positive
-    density: Positive
-    undercut: Number = 0.0
-    residual_stress: Number = 0.0
-    strength: Positive = 1e9
-    substrate_gap: Positive | None = None
-    viscosity: NonNegative = 1.82e-5
-    pressure: Positive = 101325.0
-    free_path_pressure: NonNegative = 6.7e-3
+    thickness: Annotated[Positive, Unit("m")]
+    youngs_modulus: Annotated[Positive, Unit("Pa")]
+    density: Annotated[Positive, Unit("kg/m^3")]
+    undercut: Annotated[Number, Unit("m")] = 0.0
+    residual_stress: Annotated[Number, Unit("Pa")] = 0.0
+    strength: Annotated[Positive, Unit("Pa")] = 1e9
+    substrate_gap: Annotated[Positive | None, Unit("m")] = None
+    viscosity: Annotated[NonNegative, Unit("Pa s")] = 1.82e-5
+    pressure: Annotated[Positive, Unit("Pa")] = 101325.0
+    free_path_pressure: Annotated[NonNegative, Unit("Pa m")] = 6.7e-3
     relative_permittivity: Positive = 1.0
 
     vertical: ClassVar[bool] = False
     """Whether the block moves out of the plane of the layer."""
-
-    units: ClassVar[Mapping[str, str]] = {
-        "thickness": "m",
-        "youngs_modulus": "Pa",
-        "density": "kg/m^3",
-        "undercut": "m",
-        "residual_stress": "Pa",
-        "strength": "Pa",
-        "substrate_gap": "m",
-        "viscosity": "Pa s",
-        "pressure": "Pa",
-        "free_path_pressure": "Pa m",
-    }
 
     def line(self, drawn: float) -> float:
         """Return the width of a drawn line."""
@@ -152,10 +139,8 @@ class Beams(DrawnPart):
     """Base of suspensions of beams that bend along the motion."""
 
     count: Positive
-    length: Positive
-    width: Positive
-
-    units: ClassVar[Mapping[str, str]] = {"length": "m", "width": "m"}
+    length: Annotated[Positive, Unit("m")]
+    width: Annotated[Positive, Unit("m")]
 
     def beam(self, process: Process) -> Section:
         """Return one of the beams that bend, between two edges that recede."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import ClassVar
+from collections.abc import Iterator
+from typing import Annotated
 
 from mems_impact.actuator.geometry.base import Finding, Process
 from mems_impact.actuator.geometry.breakdown import breakdown
 from mems_impact.actuator.geometry.fingers import Fingers, line_capacitance
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import Positive, Unit
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.comb_drive import CombDrive
 
@@ -62,9 +62,7 @@ class CombFingers(Fingers):
     ...                       overlap="20 um", tip_gap="15 um")
     """
 
-    tip_gap: Positive
-
-    units: ClassVar[Mapping[str, str]] = {**Fingers.units, "tip_gap": "m"}
+    tip_gap: Annotated[Positive, Unit("m")]
 
     def block_gap(self, process: Process) -> float:
         """Return the gap at the tips."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
+from typing import Annotated
 
 from mems_impact.actuator.geometry.base import GUIDED_MASS, Beams, Finding, Process, Section
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import Positive, Unit
 
 __all__ = ["CrabLegs"]
 
@@ -47,13 +46,10 @@ class CrabLegs(Beams):
     ... )
     """
 
-    shin_length: Positive
-    shin_width: Positive
+    shin_length: Annotated[Positive, Unit("m")]
+    shin_width: Annotated[Positive, Unit("m")]
 
     lines = ("width", "shin_width")
-    units: ClassVar[Mapping[str, str]] = {
-        **Beams.units, "shin_length": "m", "shin_width": "m",
-    }  # fmt: skip
 
     def sections(self, process: Process) -> tuple[Section, Section]:
         """Return thigh and shin; one end of each recedes."""

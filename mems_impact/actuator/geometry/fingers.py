@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
-from typing import ClassVar, Literal
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
 
 from mems_impact.actuator.geometry.base import DrawnPart, Finding, Process
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import Positive, Unit
 from mems_impact.actuator.terms.base import Term
 
 __all__ = ["Fingers", "line_capacitance"]
@@ -18,14 +18,13 @@ class Fingers(DrawnPart):
     """Base of electrodes with fingers."""
 
     count: Positive
-    length: Positive
-    width: Positive
-    gap: Positive
-    overlap: Positive
+    length: Annotated[Positive, Unit("m")]
+    width: Annotated[Positive, Unit("m")]
+    gap: Annotated[Positive, Unit("m")]
+    overlap: Annotated[Positive, Unit("m")]
     sides: Literal["both", "right", "left"] = "both"
 
     lines = ("width", "overlap")
-    units: ClassVar[Mapping[str, str]] = dict.fromkeys(("length", "width", "gap", "overlap"), "m")
     vertical: ClassVar[bool] = False
 
     @property

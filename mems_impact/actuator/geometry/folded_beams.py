@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
+from typing import Annotated
 
 from mems_impact.actuator.geometry.base import Beams, Finding, Process
-from mems_impact.actuator.parameter_base import NonNegative
+from mems_impact.actuator.parameter_base import NonNegative, Unit
 
 __all__ = ["FoldedBeams"]
 
@@ -47,9 +46,7 @@ class FoldedBeams(Beams):
     >>> springs = mi.FoldedBeams(count=4, length="200 um", width="2 um")
     """
 
-    truss_area: NonNegative = 0.0
-
-    units: ClassVar[Mapping[str, str]] = {**Beams.units, "truss_area": "m^2"}
+    truss_area: Annotated[NonNegative, Unit("m^2")] = 0.0
 
     def stiffness(self, process: Process) -> Finding:
         """Return the stiffness of the pairs in parallel."""

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import ClassVar
+from collections.abc import Iterator
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from mems_impact.actuator.geometry.base import Finding, Process
 from mems_impact.actuator.geometry.breakdown import breakdown
@@ -17,7 +16,7 @@ from mems_impact.actuator.geometry.squeezed_films import (
     rectangle_damping,
     squeeze_film,
 )
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import OptionalPositive, Unit
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.squeeze_film import SqueezeFilm
 from mems_impact.actuator.terms.tabulated_capacitance import TabulatedCapacitance
@@ -74,9 +73,7 @@ class GapClosingFingers(Fingers):
     ...                                back_gap="7.75 um", overlap="76.5 um", sides="right")
     """
 
-    back_gap: Positive | None = Field(default=None, description="a finite number > 0")
-
-    units: ClassVar[Mapping[str, str]] = {**Fingers.units, "back_gap": "m"}
+    back_gap: Annotated[OptionalPositive, Unit("m")] = None
 
     def block_gap(self, process: Process) -> float:
         """Return the front gap."""

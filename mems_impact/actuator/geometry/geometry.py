@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 from pydantic import BeforeValidator, model_validator
 
@@ -17,7 +17,7 @@ from mems_impact.actuator.geometry.gap_closing_fingers import GapClosingFingers
 from mems_impact.actuator.geometry.plate import Plate
 from mems_impact.actuator.geometry.plate_electrode import PlateElectrode
 from mems_impact.actuator.geometry.squeezed_films import squeeze_film
-from mems_impact.actuator.parameter_base import Given, Positive
+from mems_impact.actuator.parameter_base import Given, Positive, Unit
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness
 from mems_impact.errors import InvalidParameter
@@ -133,9 +133,7 @@ class Geometry(Process):
     springs: Annotated[FoldedBeams | CrabLegs | ClampedBeams, BeforeValidator(_part)]
     block: Annotated[Given[tuple[Plate, ...]], BeforeValidator(_plates)]
     electrodes: Annotated[CombFingers | GapClosingFingers | PlateElectrode, BeforeValidator(_part)]
-    travel: Positive
-
-    units: ClassVar[Mapping[str, str]] = {**Process.units, "travel": "m"}
+    travel: Annotated[Positive, Unit("m")]
 
     @model_validator(mode="after")
     def _check_lines(self) -> Self:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import Annotated, Self
 
 from pydantic import model_validator
 
 from mems_impact.actuator.geometry.base import DrawnPart, Process
 from mems_impact.actuator.geometry.squeezed_films import RectangularFilm, film_below
-from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.parameter_base import NonNegative, Positive, Unit
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Plate"]
@@ -51,17 +50,14 @@ class Plate(DrawnPart):
     ...                  hole_width="8 um")
     """
 
-    length: Positive
-    width: Positive
+    length: Annotated[Positive, Unit("m")]
+    width: Annotated[Positive, Unit("m")]
     count: Positive = 1.0
     holes: NonNegative = 0.0
-    hole_length: NonNegative = 0.0
-    hole_width: NonNegative = 0.0
+    hole_length: Annotated[NonNegative, Unit("m")] = 0.0
+    hole_width: Annotated[NonNegative, Unit("m")] = 0.0
 
     lines = ("width", "length")
-    units: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("length", "width", "hole_length", "hole_width"), "m"
-    )
 
     @model_validator(mode="after")
     def _check_holes(self) -> Self:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import ClassVar
-
-from pydantic import Field
+from collections.abc import Iterator
+from typing import Annotated, ClassVar
 
 from mems_impact.actuator.geometry.base import DrawnPart, Finding, Process
 from mems_impact.actuator.geometry.breakdown import breakdown
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import OptionalPositive, Positive, Unit
 from mems_impact.actuator.terms.base import Term
 
 __all__ = ["PlateElectrode"]
@@ -56,14 +54,13 @@ class PlateElectrode(DrawnPart):
     >>> electrode = mi.PlateElectrode(length="200 um", width="150 um", gap="2 um", spread="250 um")
     """
 
-    length: Positive
-    width: Positive
-    gap: Positive
+    length: Annotated[Positive, Unit("m")]
+    width: Annotated[Positive, Unit("m")]
+    gap: Annotated[Positive, Unit("m")]
     count: Positive = 1.0
-    spread: Positive | None = Field(default=None, description="a finite number > 0")
+    spread: Annotated[OptionalPositive, Unit("m")] = None
 
     lines = ("width", "length")
-    units: ClassVar[Mapping[str, str]] = dict.fromkeys(("length", "width", "gap", "spread"), "m")
     vertical: ClassVar[bool] = True
 
     def block_gap(self, process: Process) -> float:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.equations import X2
-from mems_impact.actuator.parameter_base import NonNegative
+from mems_impact.actuator.parameter_base import NonNegative, Unit
 from mems_impact.actuator.plausible_ranges import FORCE
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
@@ -41,10 +43,7 @@ class Adhesion(Term):
     >>> sticky = mi.load_actuator("zhao2004").adding(mi.Adhesion(force=0.1))
     """
 
-    force: NonNegative
-
-    units = {"force": "N"}  # noqa: RUF012 - ClassVar above
-    plausible = {"force": FORCE}  # noqa: RUF012 - ClassVar above
+    force: Annotated[NonNegative, Unit("N", FORCE)]
 
     @classmethod
     def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:

@@ -251,10 +251,11 @@ class Term(Checked, ABC):
     Attributes
     ----------
     units : mapping of str to str
-        The SI unit of every field and state that is not dimensionless, such as "N/m^3" (kg, m, s, V
-        and derived units).
+        The SI unit of every state and field that is not dimensionless, such as "N/m^3" (kg, m, s, V
+        and derived units); the unit of a field may be a `Unit` in its annotation.
     plausible : mapping of str to Range
-        Plausible ranges of its numbers in SI, outside which a warning suggests another unit.
+        Plausible ranges of its numbers in SI, outside which a warning suggests another unit; those
+        of `Unit` in annotations.
     replaced_rule : str
         The rule of the paper that the term replaces, if any: "stopper" (with its restitution),
         "restitution", "friction", "spring", "source" (an ideal voltage), "electrode" (the

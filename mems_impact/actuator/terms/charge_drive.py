@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from mems_impact.actuator.parameter_base import NonNegative
+from typing import Annotated
+
+from mems_impact.actuator.parameter_base import NonNegative, Unit
 from mems_impact.actuator.plausible_ranges import CAPACITANCE
 from mems_impact.actuator.terms.base import (
     Device,
@@ -61,10 +63,8 @@ class ChargeDrive(Term):
     True
     """
 
-    parasitic_capacitance: NonNegative = 0.0
+    parasitic_capacitance: Annotated[NonNegative, Unit("F", CAPACITANCE)] = 0.0
 
-    units = {"parasitic_capacitance": "F"}  # noqa: RUF012 - ClassVar above
-    plausible = {"parasitic_capacitance": CAPACITANCE}  # noqa: RUF012 - ClassVar above
     replaced_rule = "source"
     layer = 1
     in_series = True

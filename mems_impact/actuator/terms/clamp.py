@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from mems_impact.actuator.parameter_base import NonNegative
+from typing import Annotated
+
+from mems_impact.actuator.parameter_base import NonNegative, Unit
 from mems_impact.actuator.plausible_ranges import CLAMP
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
@@ -39,10 +41,7 @@ class Clamp(Term):
     0.002123
     """
 
-    force: NonNegative
-
-    units = {"force": "N"}  # noqa: RUF012 - ClassVar above
-    plausible = {"force": CLAMP}  # noqa: RUF012 - ClassVar above
+    force: Annotated[NonNegative, Unit("N", CLAMP)]
 
     @classmethod
     def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:

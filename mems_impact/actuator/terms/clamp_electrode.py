@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.parameter_base import Number, Positive
-from mems_impact.actuator.plausible_ranges import LENGTH, Range
+from mems_impact.actuator.parameter_base import Number, Positive, Unit
+from mems_impact.actuator.plausible_ranges import LENGTH, PERMITTIVITIES, Range
 from mems_impact.actuator.terms.base import (
     Device,
     ParameterIndices,
@@ -15,7 +15,7 @@ from mems_impact.actuator.terms.base import (
     TermContribution,
     drive_unit,
 )
-from mems_impact.actuator.terms.comb_drive import PERMITTIVITY, CombDrive, check_permittivity
+from mems_impact.actuator.terms.comb_drive import PERMITTIVITY, check_permittivity
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["ClampElectrode"]
@@ -65,19 +65,11 @@ class ClampElectrode(Term):
     0.000283334
     """
 
-    area: Positive
-    gap: Positive
-    voltage: Number = 0.0
+    area: Annotated[Positive, Unit("m^2", Range(1e-14, 1e-8, 1e-3))]
+    gap: Annotated[Positive, Unit("m", LENGTH)]
+    voltage: Annotated[Number, Unit("V", Range(0.0, 30.0, 1e4))] = 0.0
     follows: Literal["nothing", "right", "left", "clamp"] = "nothing"
-    permittivity: Positive = PERMITTIVITY
-
-    units = {"area": "m^2", "gap": "m", "voltage": "V", "permittivity": "F/m"}  # noqa: RUF012
-    plausible = {  # noqa: RUF012 - ClassVar above
-        "area": Range(1e-14, 1e-8, 1e-3),
-        "gap": LENGTH,
-        "voltage": Range(0.0, 30.0, 1e4),
-        "permittivity": CombDrive.plausible["permittivity"],
-    }
+    permittivity: Annotated[Positive, Unit("F/m", PERMITTIVITIES)] = PERMITTIVITY
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if a number is in other units, or the voltage is not used."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from mems_impact._util.limits import Bound
-from mems_impact.actuator.parameter_base import Positive
-from mems_impact.actuator.plausible_ranges import LENGTH, Range
+from mems_impact.actuator.parameter_base import Positive, Unit
+from mems_impact.actuator.plausible_ranges import LENGTH, PERMITTIVITIES
 from mems_impact.actuator.terms.base import (
     Device,
     Electrode,
@@ -74,24 +74,12 @@ class CombDrive(Term):
     """
 
     fingers: Positive
-    gap: Positive
-    thickness: Positive
-    overlap: Positive
-    permittivity: Positive = PERMITTIVITY
+    gap: Annotated[Positive, Unit("m", LENGTH)]
+    thickness: Annotated[Positive, Unit("m", LENGTH)]
+    overlap: Annotated[Positive, Unit("m", LENGTH)]
+    permittivity: Annotated[Positive, Unit("F/m", PERMITTIVITIES)] = PERMITTIVITY
     sides: Literal["both", "right", "left"] = "both"
 
-    units = {  # noqa: RUF012 - ClassVar above
-        "gap": "m",
-        "thickness": "m",
-        "overlap": "m",
-        "permittivity": "F/m",
-    }
-    plausible = {  # noqa: RUF012 - ClassVar above
-        "gap": LENGTH,
-        "thickness": LENGTH,
-        "overlap": LENGTH,
-        "permittivity": Range(8.8e-12, 8.9e-12, 1e-9),
-    }
     replaced_rule = "electrode"
     plates = False
 

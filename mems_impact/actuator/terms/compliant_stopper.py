@@ -9,7 +9,7 @@ from pydantic import Field
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.equations import V2, X2
-from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
 from mems_impact.actuator.plausible_ranges import PER_SPEED, Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
@@ -55,22 +55,12 @@ class CompliantStopper(Term):
     >>> soft = mi.load_actuator("zhao2004").adding(mi.CompliantStopper(stiffness=1e4, damping=0.5))
     """
 
-    stiffness: Positive
+    stiffness: Annotated[Positive, Unit("N/m", Range(1e-2, 1e5, 1e11))]
     exponent: Annotated[Number, Field(ge=1)] = 1.0
-    damping: NonNegative = 0.0
-    depth: Positive = 1.0
+    damping: Annotated[NonNegative, Unit("s/m", PER_SPEED)] = 0.0
+    depth: Annotated[Positive, Unit("m", Range(1e-13, 1e-8, 1e-3))] = 1.0
 
-    units = {  # noqa: RUF012 - ClassVar above
-        "stiffness": "N/m",
-        "damping": "s/m",
-        "depth": "m",
-        "contact_loss": "J",
-    }
-    plausible = {  # noqa: RUF012 - ClassVar above
-        "stiffness": Range(1e-2, 1e5, 1e11),
-        "damping": PER_SPEED,
-        "depth": Range(1e-13, 1e-8, 1e-3),
-    }
+    units = {"contact_loss": "J"}  # noqa: RUF012 - ClassVar above
     replaced_rule = "stopper"
     stiff = True
 

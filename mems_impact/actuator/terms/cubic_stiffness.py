@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from mems_impact.actuator.equations import X2
-from mems_impact.actuator.parameter_base import Number
+from mems_impact.actuator.parameter_base import Number, Unit
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
@@ -38,10 +40,8 @@ class CubicStiffness(Term):
     >>> stiffer = mi.load_actuator("zhao2004").adding(mi.CubicStiffness(k3=0.5))
     """
 
-    k3: Number
+    k3: Annotated[Number, Unit("N/m^3", Range(1e2, 1e11, 1e20))]
 
-    units = {"k3": "N/m^3"}  # noqa: RUF012 - ClassVar above
-    plausible = {"k3": Range(1e2, 1e11, 1e20)}  # noqa: RUF012 - ClassVar above
     replaced_rule = "spring"
 
     @classmethod

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from mems_impact.actuator.parameter_base import Number, Positive
+from mems_impact.actuator.parameter_base import Number, Positive, Unit
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import Electrode, Function, ParameterIndices, Shape, Term
 
@@ -55,10 +55,9 @@ class DielectricCharging(Term):
     """
 
     share: Annotated[Number, Field(ge=-1, le=1)]
-    time: Positive
+    time: Annotated[Positive, Unit("s", Range(1e-8, 1.0, 1e9))]
 
-    units = {"time": "s", "offset": "V"}  # noqa: RUF012 - ClassVar above
-    plausible = {"time": Range(1e-8, 1.0, 1e9)}  # noqa: RUF012 - ClassVar above
+    units = {"offset": "V"}  # noqa: RUF012 - ClassVar above
     signed = True
 
     @classmethod

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from mems_impact.actuator.equations import X1
-from mems_impact.actuator.parameter_base import Number
+from mems_impact.actuator.parameter_base import Number, Unit
 from mems_impact.actuator.plausible_ranges import FORCE
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
@@ -37,10 +39,7 @@ class FrameForce(Term):
     >>> loaded = mi.load_actuator("zhao2004").adding(mi.FrameForce(force=0.2))
     """
 
-    force: Number
-
-    units = {"force": "N"}  # noqa: RUF012 - ClassVar above
-    plausible = {"force": FORCE}  # noqa: RUF012 - ClassVar above
+    force: Annotated[Number, Unit("N", FORCE)]
 
     @classmethod
     def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:

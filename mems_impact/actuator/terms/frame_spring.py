@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from mems_impact.actuator.equations import X1
-from mems_impact.actuator.parameter_base import NonNegative
+from mems_impact.actuator.parameter_base import NonNegative, Unit
 from mems_impact.actuator.plausible_ranges import STIFFNESS
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
@@ -41,10 +43,7 @@ class FrameSpring(Term):
     >>> held = mi.load_actuator("zhao2004").adding(mi.FrameSpring(k1=0.1))
     """
 
-    k1: NonNegative
-
-    units = {"k1": "N/m"}  # noqa: RUF012 - ClassVar above
-    plausible = {"k1": STIFFNESS}  # noqa: RUF012 - ClassVar above
+    k1: Annotated[NonNegative, Unit("N/m", STIFFNESS)]
 
     @classmethod
     def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-
-from pydantic import Field
+from typing import Annotated
 
 from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import OptionalPositive, Positive, Unit
 from mems_impact.actuator.plausible_ranges import ELECTRODE_LENGTH
 from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape, Term
 
@@ -52,14 +51,9 @@ class Fringing(Term):
     >>> wider = mi.load_actuator("zhao2004").adding(mi.Fringing(width=5.0))
     """
 
-    width: Positive
-    length: Positive | None = Field(default=None, description="a finite number > 0")
+    width: Annotated[Positive, Unit("m", ELECTRODE_LENGTH)]
+    length: Annotated[OptionalPositive, Unit("m", ELECTRODE_LENGTH)] = None
 
-    units = {"width": "m", "length": "m"}  # noqa: RUF012 - ClassVar above
-    plausible = {  # noqa: RUF012 - ClassVar above
-        "width": ELECTRODE_LENGTH,
-        "length": ELECTRODE_LENGTH,
-    }
     replaced_rule = "electrode"
 
     @classmethod

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.parameter_base import NonNegative, Positive, Unit
 from mems_impact.actuator.plausible_ranges import SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
@@ -41,11 +43,9 @@ class PowerLawRestitution(Term):
     >>> yielding = mi.load_actuator("zhao2004").adding(mi.PowerLawRestitution(speed=0.1))
     """
 
-    speed: Positive
+    speed: Annotated[Positive, Unit("m/s", SPEED)]
     exponent: NonNegative = 0.25
 
-    units = {"speed": "m/s"}  # noqa: RUF012 - ClassVar above
-    plausible = {"speed": SPEED}  # noqa: RUF012 - ClassVar above
     replaced_rule = "restitution"
 
     @classmethod

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 from mems_impact._util.formatting import shown
 from mems_impact._util.units import Scales
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import Positive, Unit
 from mems_impact.actuator.plausible_ranges import SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 from mems_impact.errors import InvalidParameter
@@ -53,10 +54,8 @@ class RegularizedFriction(Term):
     >>> creeping = mi.load_actuator("zhao2004").adding(mi.RegularizedFriction(width=1e-4))
     """
 
-    width: Positive
+    width: Annotated[Positive, Unit("m/s", SPEED)]
 
-    units = {"width": "m/s"}  # noqa: RUF012 - ClassVar above
-    plausible = {"width": SPEED}  # noqa: RUF012 - ClassVar above
     replaced_rule = "friction"
     stiff = True
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-
-from pydantic import Field
+from typing import Annotated
 
 from mems_impact._util.formatting import shown
 from mems_impact._util.units import Scales
-from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.parameter_base import NonNegative, OptionalPositive, Positive, Unit
 from mems_impact.actuator.plausible_ranges import CAPACITANCE, Range
 from mems_impact.actuator.terms.base import (
     Electrode,
@@ -78,18 +77,11 @@ class SeriesResistance(Term):
     >>> slower = mi.load_actuator("mita2003").adding(mi.SeriesResistance(resistance=1e9))
     """
 
-    resistance: Positive
-    parasitic_capacitance: NonNegative = 0.0
-    current_limit: Positive | None = Field(default=None, description="a finite number > 0")
+    resistance: Annotated[Positive, Unit("ohm", Range(1e-3, 1e6, 1e16))]
+    parasitic_capacitance: Annotated[NonNegative, Unit("F", CAPACITANCE)] = 0.0
+    current_limit: Annotated[OptionalPositive, Unit("A", Range(1e-15, 1e-6, 10.0))] = None
 
-    units = {  # noqa: RUF012 - ClassVar above
-        "resistance": "ohm", "parasitic_capacitance": "F", "current_limit": "A", "charge": "C",
-    }  # fmt: skip
-    plausible = {  # noqa: RUF012 - ClassVar above
-        "resistance": Range(1e-3, 1e6, 1e16),
-        "parasitic_capacitance": CAPACITANCE,
-        "current_limit": Range(1e-15, 1e-6, 10.0),
-    }
+    units = {"charge": "C"}  # noqa: RUF012 - ClassVar above
     replaced_rule = "source"
     layer = 1
     signed = True

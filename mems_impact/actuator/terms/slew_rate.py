@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.slewed import SlewedDrive
-from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.parameter_base import Positive, Unit
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter
@@ -44,10 +46,8 @@ class SlewRate(Term):
     100000.0
     """
 
-    rate: Positive
+    rate: Annotated[Positive, Unit("V/s", Range(1e-6, 1e5, 1e12))]
 
-    units = {"rate": "V/s"}  # noqa: RUF012 - ClassVar above
-    plausible = {"rate": Range(1e-6, 1e5, 1e12)}  # noqa: RUF012 - ClassVar above
     in_series = True
 
     def check_under(self, drive: Drive) -> None:

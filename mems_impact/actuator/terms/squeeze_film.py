@@ -12,7 +12,7 @@ from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.equations import V2, X2
 from mems_impact.actuator.model import total_of
-from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.parameter_base import NonNegative, Positive, Unit
 from mems_impact.actuator.plausible_ranges import ELECTRODE_LENGTH, Range
 from mems_impact.actuator.terms.base import (
     Function,
@@ -87,30 +87,15 @@ class SqueezeFilm(Term):
     >>> damped = mi.load_actuator("mita2003").replace(c=0.0).adding(film)
     """
 
-    length: Positive
-    width: Positive
-    pressure: Positive
-    viscosity: Positive
-    free_path_pressure: NonNegative
+    length: Annotated[Positive, Unit("m", ELECTRODE_LENGTH)]
+    width: Annotated[Positive, Unit("m", ELECTRODE_LENGTH)]
+    pressure: Annotated[Positive, Unit("Pa", Range(1e-4, 1e5, 1e8))]
+    viscosity: Annotated[Positive, Unit("Pa s", Range(1e-7, 2e-5, 1e-2))]
+    free_path_pressure: Annotated[NonNegative, Unit("Pa m", Range(1e-4, 7e-3, 1.0))]
     sides: Literal["right", "both"] = "right"
     modes: Annotated[int, Field(ge=1, le=MOST_MODES, description="a whole number, 1 to 4")] = 1
 
-    units = {  # noqa: RUF012 - ClassVar above
-        "length": "m",
-        "width": "m",
-        "pressure": "Pa",
-        "viscosity": "Pa s",
-        "free_path_pressure": "Pa m",
-        **dict.fromkeys((f"film_{i}" for i in range(1, 16)), "m"),
-        **dict.fromkeys((f"left_film_{i}" for i in range(1, 16)), "m"),
-    }
-    plausible = {  # noqa: RUF012 - ClassVar above
-        "length": ELECTRODE_LENGTH,
-        "width": ELECTRODE_LENGTH,
-        "pressure": Range(1e-4, 1e5, 1e8),
-        "viscosity": Range(1e-7, 2e-5, 1e-2),
-        "free_path_pressure": Range(1e-4, 7e-3, 1.0),
-    }
+    units = dict.fromkeys((f"{side}film_{i}" for side in ("", "left_") for i in range(1, 16)), "m")
     stiff = True
 
     @model_validator(mode="after")

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.parameter_base import NonNegative, Positive, Unit
 from mems_impact.actuator.plausible_ranges import PER_SPEED, SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
@@ -43,11 +44,9 @@ class StribeckFriction(Term):
     >>> smooth = mi.load_actuator("zhao2004").adding(mi.StribeckFriction(speed=0.05))
     """
 
-    speed: Positive
-    viscous: NonNegative = 0.0
+    speed: Annotated[Positive, Unit("m/s", SPEED)]
+    viscous: Annotated[NonNegative, Unit("s/m", PER_SPEED)] = 0.0
 
-    units = {"speed": "m/s", "viscous": "s/m"}  # noqa: RUF012 - ClassVar above
-    plausible = {"speed": SPEED, "viscous": PER_SPEED}  # noqa: RUF012 - ClassVar above
     replaced_rule = "friction"
 
     @classmethod

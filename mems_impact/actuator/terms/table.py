@@ -17,7 +17,8 @@ from mems_impact._util.limits import Bound
 from mems_impact._util.quantities import QuantityError, magnitude
 from mems_impact._util.units import Scales
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.parameter_base import Given, unknown
+from mems_impact.actuator.parameter_base import Given, Unit, unknown
+from mems_impact.actuator.plausible_ranges import LENGTH
 from mems_impact.actuator.splines import (
     COEFFICIENTS,
     MIN_POINTS,
@@ -58,7 +59,7 @@ class TableTerm(Term):
     column: ClassVar[str]
     """The field of the quantity."""
 
-    positions: TableNumbers
+    positions: Annotated[TableNumbers, Unit("m", LENGTH)]
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:

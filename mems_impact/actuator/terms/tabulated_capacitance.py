@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import model_validator
 
 from mems_impact._util.formatting import shown
-from mems_impact.actuator.plausible_ranges import CAPACITANCE, LENGTH
+from mems_impact.actuator.parameter_base import Unit
+from mems_impact.actuator.plausible_ranges import CAPACITANCE
 from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape
 from mems_impact.actuator.terms.table import TableNumbers, TableTerm
 from mems_impact.errors import InvalidParameter
@@ -66,11 +67,9 @@ class TabulatedCapacitance(TableTerm):
     '0.384900, 0.384900'
     """
 
-    capacitances: TableNumbers
+    capacitances: Annotated[TableNumbers, Unit("F", CAPACITANCE)]
     sides: Literal["both", "right", "left"] = "both"
 
-    units = {"positions": "m", "capacitances": "F"}  # noqa: RUF012 - ClassVar above
-    plausible = {"positions": LENGTH, "capacitances": CAPACITANCE}  # noqa: RUF012 - ClassVar above
     column = "capacitances"
     replaced_rule = "electrode"
     plates = False

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from mems_impact.actuator.parameter_base import Fraction, NonNegative
+from mems_impact.actuator.parameter_base import Fraction, NonNegative, Unit
 from mems_impact.actuator.plausible_ranges import SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 from mems_impact.errors import InvalidParameter
@@ -48,11 +48,11 @@ class TabulatedRestitution(Term):
     >>> measured = mi.load_actuator("zhao2004").adding(table)
     """
 
-    speeds: Annotated[tuple[NonNegative, ...], Field(min_length=2, description=TABLE)]
+    speeds: Annotated[
+        tuple[NonNegative, ...], Field(min_length=2, description=TABLE), Unit("m/s", SPEED)
+    ]
     values: Annotated[tuple[Fraction, ...], Field(min_length=2, description=TABLE)]
 
-    units = {"speeds": "m/s"}  # noqa: RUF012 - ClassVar above
-    plausible = {"speeds": SPEED}  # noqa: RUF012 - ClassVar above
     replaced_rule = "restitution"
 
     @model_validator(mode="after")

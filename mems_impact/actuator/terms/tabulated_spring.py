@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.equations import X2
-from mems_impact.actuator.plausible_ranges import FORCE, LENGTH
+from mems_impact.actuator.parameter_base import Unit
+from mems_impact.actuator.plausible_ranges import FORCE
 from mems_impact.actuator.terms.base import Device, ParameterIndices, Shape, TermContribution
 from mems_impact.actuator.terms.table import TableNumbers, TableTerm
 from mems_impact.errors import InvalidParameter
@@ -61,10 +64,8 @@ class TabulatedSpring(TableTerm):
     '0.396247024, 0.396247024'
     """
 
-    forces: TableNumbers
+    forces: Annotated[TableNumbers, Unit("N", FORCE)]
 
-    units = {"positions": "m", "forces": "N"}  # noqa: RUF012 - ClassVar above
-    plausible = {"positions": LENGTH, "forces": FORCE}  # noqa: RUF012 - ClassVar above
     column = "forces"
     replaced_rule = "spring"
 

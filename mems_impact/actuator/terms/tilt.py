@@ -9,7 +9,7 @@ from pydantic import Field
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.equations import X1, X2
-from mems_impact.actuator.parameter_base import Number
+from mems_impact.actuator.parameter_base import Number, Unit
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
@@ -46,9 +46,7 @@ class Tilt(Term):
     >>> uphill = mi.load_actuator("zhao2004").adding(mi.Tilt(angle=0.05))
     """
 
-    angle: Annotated[Number, Field(gt=-MAX_ANGLE, lt=MAX_ANGLE)]
-
-    plausible = {"angle": Range(0.0, 0.05, 0.8)}  # noqa: RUF012 - ClassVar above
+    angle: Annotated[Number, Field(gt=-MAX_ANGLE, lt=MAX_ANGLE), Unit("", Range(0.0, 0.05, 0.8))]
 
     @classmethod
     def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
 from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.parameter_base import Number, Positive
+from mems_impact.actuator.parameter_base import Number, Positive, Unit
 from mems_impact.actuator.plausible_ranges import ELECTRODE_LENGTH, Range
 from mems_impact.actuator.terms.base import (
     Electrode,
@@ -62,15 +62,10 @@ class TiltedPlate(Term):
     '0.3849, 0.3581'
     """
 
-    angle: Number
-    length: Positive
+    angle: Annotated[Number, Unit("", Range(0.0, 0.01, 0.8))]
+    length: Annotated[Positive, Unit("m", ELECTRODE_LENGTH)]
     sides: Literal["both", "right", "left"] = "both"
 
-    units = {"length": "m"}  # noqa: RUF012 - ClassVar above
-    plausible = {  # noqa: RUF012 - ClassVar above
-        "angle": Range(0.0, 0.01, 0.8),
-        "length": ELECTRODE_LENGTH,
-    }
     replaced_rule = "electrode"
 
     @classmethod
