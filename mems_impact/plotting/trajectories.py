@@ -273,9 +273,7 @@ def _closed(orbit: Orbit) -> pd.DataFrame:
     last["t"] += orbit.periods * orbit.period
     for name, gain in orbit.gains.items():
         last[name] += gain
-    closed = pd.concat([samples, last], ignore_index=True)
-    closed.attrs = samples.attrs
-    return closed
+    return pd.concat([samples, last], ignore_index=True)
 
 
 def _mark_section(ax: Any, orbit: Orbit, x: str, y: str) -> None:

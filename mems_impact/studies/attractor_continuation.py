@@ -65,7 +65,6 @@ def match_branches(
         [ATTRACTOR, parameter], key=lambda column: _order(column, [*names.values(), FAILED])
     )
     table = table.reset_index(drop=True)
-    table.attrs = dict(rows.attrs)
     ends: dict[tuple[str, int], str] = {}
     for before, after, direction in jumps:
         ends.setdefault((names[branch[before]], direction), names[branch[after]])
@@ -188,16 +187,12 @@ class AttractorContinuationStudy(Study):
     recognition: AttractorMatcher
 
     kind: ClassVar[str] = "continue_attractors"
+    chunk: ClassVar[int] = 16
 
     @property
     def points(self) -> int:
         """Number of points."""
         return len(self.names) * len(self.over.values)
-
-    @property
-    def chunk(self) -> int:
-        """Number of values of a chain computed together."""
-        return 16
 
     @property
     def threaded(self) -> bool:

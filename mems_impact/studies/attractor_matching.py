@@ -316,7 +316,7 @@ def label_points(
     for name, each in zip(names, members, strict=True):
         column[each] = name
     labeled.insert(len(starts.names), ATTRACTOR, column)
-    labeled.attrs, attractors.attrs = dict(table.attrs), dict(table.attrs)
+    attractors.attrs = dict(table.attrs)
     return labeled, attractors
 
 
@@ -330,7 +330,6 @@ def label_partial(table: pd.DataFrame) -> PartialBasins:
     columns = {ATTRACTOR: texts(counts.index), "points": counts.to_numpy()}
     attractors = pd.DataFrame({**columns, "share": columns["points"] / max(1, len(table))})
     labeled = table.assign(**{ATTRACTOR: kinds})
-    labeled.attrs = dict(table.attrs)
     return PartialBasins(labeled, attractors, pd.DataFrame({ATTRACTOR: texts([])}))
 
 

@@ -50,6 +50,7 @@ class Motion:
     branch: int = NO_BRANCH  # -1 if it lies on none, or none is known yet
 
 
+@dataclass(frozen=True, eq=False)
 class AttractorSearch:
     """Search for attractors over a grid of values.
 
@@ -58,21 +59,14 @@ class AttractorSearch:
     states that runs visit.
     """
 
-    def __init__(
-        self,
-        system: HybridSystem,
-        parameter: str,
-        grid: Sequence[float],
-        starts: int,
-        bounds: Mapping[str, tuple[float, float]],
-        initial: Sequence[State],
-        recurrence: RecurrenceOptions,
-        options: Options,
-    ) -> None:
-        self.system, self.parameter, self.grid = system, parameter, grid
-        self.starts, self.initial = starts, tuple(initial)
-        self.recurrence, self.options = recurrence, options
-        self._bounds = bounds
+    system: HybridSystem
+    parameter: str
+    grid: Sequence[float]
+    starts: int
+    bounds: Mapping[str, tuple[float, float]]
+    initial: Sequence[State]
+    recurrence: RecurrenceOptions
+    options: Options
 
     def at(self, value: float) -> HybridSystem:
         """Return the system at a value."""
@@ -151,8 +145,8 @@ class AttractorSearch:
         for i, name in enumerate(system.states):
             # A system at rest visits no other states.
             size = BOX_MARGIN * abs(float(system.units.out(name, largest[i] or 1.0)))
-            if name in self._bounds:
-                box[name] = self._bounds[name]
+            if name in self.bounds:
+                box[name] = self.bounds[name]
             elif i not in cyclic:
                 box[name] = (-size, size)
         return box

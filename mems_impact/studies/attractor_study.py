@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -237,10 +237,7 @@ class AttractorStudy(Study):
 
     measuring: AttractorEvaluator
 
-    @property
-    def chunk(self) -> int:
-        """Number of points computed together: about a second of work."""
-        return 256
+    chunk: ClassVar[int] = 256
 
     @property
     def threaded(self) -> bool:

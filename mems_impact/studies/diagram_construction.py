@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -84,36 +84,30 @@ CLOUD_PERIODS = 150  # forcing periods drawn of a motion that is not periodic
 STORE_INTERVAL = 30.0  # seconds between two savings of a partial result
 
 
+@dataclass(eq=False)
 class DiagramBuilder:
-    """Construction of a diagram: attractors, their branches, emanating branches, other orbits.
+    """Construction of a diagram: attractors, their branches, emanating branches, other orbits."""
 
-    `options` are for orbits. Partial results go to the file `store`; `inputs` are all that the
-    result depends on.
-    """
+    search: AttractorSearch
+    bounds: tuple[float, float]
+    depth: int
+    longest: int
+    steps: StepControl | None
+    options: Options  # for orbits
+    report: Report | None
+    store: str | os.PathLike[str] | None  # file of partial results
+    inputs: dict[str, Any]  # all that the result depends on
 
-    def __init__(
-        self,
-        search: AttractorSearch,
-        bounds: tuple[float, float],
-        depth: int,
-        longest: int,
-        steps: StepControl | None,
-        options: Options,
-        report: Report | None,
-        store: str | os.PathLike[str] | None,
-        inputs: dict[str, Any],
-    ) -> None:
-        self.search, self.system, self.parameter = search, search.system, search.parameter
-        self.bounds, self.depth, self.longest = bounds, depth, longest
-        self.steps, self.options = steps, options
-        self.report = report
-        self.store, self.inputs, self._saved = store, inputs, time.monotonic()
-        self.branches: list[AnyBranch] = []
-        self.parents: list[int | None] = []
-        self.origins: list[AnyPoint | None] = []
-        self.motions: list[Motion] = []
-        self.cloud: list[pd.DataFrame] = []
-        self.finished: tuple[str, ...] = ()
+    branches: list[AnyBranch] = field(default_factory=list)
+    parents: list[int | None] = field(default_factory=list)
+    origins: list[AnyPoint | None] = field(default_factory=list)
+    motions: list[Motion] = field(default_factory=list)
+    cloud: list[pd.DataFrame] = field(default_factory=list)
+    finished: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.system, self.parameter = self.search.system, self.search.parameter
+        self._saved = time.monotonic()
 
     def resume(self, diagram: BifurcationDiagram) -> None:
         """Take over the branches and attractors of a result, and the parts that it has finished."""

@@ -174,19 +174,9 @@ class Fit(Result):
 
     def summary(self) -> dict[str, Any]:
         """Return the verdict, and the fitted values with their standard errors."""
-        rows = (
-            self.parameters.iloc[:, 0],
-            self.parameters["fitted"],
-            self.parameters["standard error"],
-        )
-        return {
-            "verdict": self.verdict,
-            "note": self.note,
-            "misfit": self.misfit,
-            **{
-                name: f"{value:.6g} ± {error:.2g}" for name, value, error in zip(*rows, strict=True)
-            },
-        }
+        shown = self.parameters[["parameter", "fitted", "standard error"]].to_numpy().tolist()
+        values = {name: f"{value:.6g} ± {error:.2g}" for name, value, error in shown}
+        return {"verdict": self.verdict, "note": self.note, "misfit": self.misfit, **values}
 
     def __str__(self) -> str:
         form = {"index": False, "float_format": "{:.6g}".format}

@@ -39,6 +39,7 @@ __all__ = [
     "distribution_named",
     "distributions",
     "draw",
+    "finite_numbers",
     "matrices",
     "seed_of",
     "unit_sample",
@@ -81,16 +82,21 @@ def axis(
     if isinstance(values, Interval):
         low, high = (float(system.units.parse(name, end, field)) for end in values[:2])
         values = np.linspace(low, high, values.points)
-    try:
-        numbers = np.atleast_1d(np.asarray(system.units.parse(name, values, field), dtype=float))
-    except InvalidParameter:
-        raise
-    except (TypeError, ValueError):
-        raise InvalidParameter(field, pair, allowed) from None
-    fine = numbers.ndim == 1 and numbers.size > 0 and bool(np.isfinite(numbers).all())
-    if not fine or len(np.unique(numbers)) != numbers.size:
+    numbers = finite_numbers(field, values, system.units.parse(name, values, field))
+    if len(np.unique(numbers)) != numbers.size:
         raise InvalidParameter(field, values, "one or more finite numbers that differ")
     return Axis(name, tuple(numbers.tolist()))
+
+
+def finite_numbers(field: str, given: Any, values: Any) -> Floats:
+    """Return one or more finite numbers, shape (n,); InvalidParameter, with `given`, for others."""
+    try:
+        numbers = np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.ndim != 1 or numbers.size == 0 or not np.isfinite(numbers).all():
+        raise InvalidParameter(field, given, "one or more finite numbers")
+    return numbers
 
 
 def identity_of_axis(axis: Axis) -> dict[str, Any]:

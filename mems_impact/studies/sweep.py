@@ -28,6 +28,7 @@ from mems_impact.integrators.availability import is_compiled
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import OK, STATUS, Columns, Study
+from mems_impact.studies.sampling import finite_numbers
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.parameter_result import ParameterResult
@@ -69,16 +70,12 @@ class SweepStudy(Study):
     options: Options = STUDY_OPTIONS
 
     kind: ClassVar[str] = "sweep"
+    chunk: ClassVar[int] = 16
 
     @property
     def points(self) -> int:
         """Number of values in all directions."""
         return len(self.values) * len(self.starts)
-
-    @property
-    def chunk(self) -> int:
-        """Number of values computed together."""
-        return 16
 
     @property
     def threaded(self) -> bool:
@@ -466,8 +463,8 @@ def sweep(
         duration = system.units.parse("time", duration, "duration")
     settling, length = _spans(system, transient, periods, duration)
     system.check_parameter(parameter)
-    numbers = _numbers(system.units.parse(parameter, values, "values"))
-    ascending = np.sort(numbers).tolist()
+    numbers = system.units.parse(parameter, values, "values")
+    ascending = np.sort(finite_numbers("values", values, numbers)).tolist()
     ends = {"up": ascending[0], "down": ascending[-1]}
     study = SweepStudy(
         system=system,
@@ -542,14 +539,3 @@ def _changed_if_valid(system: HybridSystem, parameter: str, value: float) -> Hyb
         return system.changed(**{parameter: value})
     except FunctionError:
         return system
-
-
-def _numbers(values: ArrayLike) -> np.ndarray:
-    allowed = "one or more finite numbers"
-    try:
-        numbers = np.atleast_1d(np.asarray(values, dtype=float))
-    except (TypeError, ValueError):
-        raise InvalidParameter("values", values, allowed) from None
-    if numbers.ndim != 1 or numbers.size == 0 or not np.isfinite(numbers).all():
-        raise InvalidParameter("values", values, allowed)
-    return numbers

@@ -128,9 +128,7 @@ class Spread:
     @property
     def points(self) -> pd.DataFrame:
         """The independent samples: all rows except the rows for indices only."""
-        rows = self.table[self.table[SAMPLE].isin(["", FIRST, SECOND])]
-        rows.attrs = dict(self.table.attrs)
-        return rows
+        return self.table[self.table[SAMPLE].isin(["", FIRST, SECOND])]
 
     @property
     def quantities(self) -> list[str]:
@@ -183,7 +181,6 @@ class Spread:
         points = settled_values(self.points, self.quantities)
         table = points.quantile(values.tolist()).T
         table["points"] = points.notna().sum()
-        table.attrs = dict(self.table.attrs)
         return table
 
     def _counted(self) -> str:

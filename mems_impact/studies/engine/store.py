@@ -26,7 +26,6 @@ from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
-from types import MappingProxyType
 from typing import Any
 from zlib import crc32
 
@@ -73,7 +72,8 @@ def difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     names = _differing(there, here)
     if not names:
         return ""
-    path, stored, requested = _first(names[0], there, here)
+    name = names[0]
+    path, stored, requested = _first(label(name), there.get(name, _NONE), here.get(name, _NONE))
     more = f" (and {', '.join(map(label, names[1:]))} differ)" if len(names) > 1 else ""
     return f"{path} is {shown(stored)} there, {shown(requested)} here{more}"
 
@@ -83,28 +83,17 @@ def _differing(stored: Mapping[str, Any], requested: Mapping[str, Any]) -> list[
     return [name for name in names if _text(stored.get(name)) != _text(requested.get(name))]
 
 
-def _first(name: str, stored_values: Any, requested_values: Any) -> tuple[str, Any, Any]:
+def _first(path: str, stored: Any, requested: Any) -> tuple[str, Any, Any]:
     """Return the innermost path at which values differ, within lists and tables."""
-    path, stored, requested = (
-        label(name),
-        stored_values.get(name, _NONE),
-        requested_values.get(name, _NONE),
-    )
-    while True:
-        if isinstance(stored, dict) and isinstance(requested, dict):
+    match stored, requested:
+        case dict(), dict():
             inner = _differing(stored, requested)[0]
-            if inner not in CONTAINER_KINDS:
-                path = f"{path}.{label(inner)}"
-            stored, requested = stored.get(inner, _NONE), requested.get(inner, _NONE)
-        elif (
-            isinstance(stored, list)
-            and isinstance(requested, list)
-            and len(stored) == len(requested)
-        ):
+            below = path if inner in CONTAINER_KINDS else f"{path}.{label(inner)}"
+            return _first(below, stored.get(inner, _NONE), requested.get(inner, _NONE))
+        case list(), list() if len(stored) == len(requested):
             i = next(i for i in range(len(stored)) if _text(stored[i]) != _text(requested[i]))
-            path, stored, requested = f"{path}[{i}]", stored[i], requested[i]
-        else:
-            return path, stored, requested
+            return _first(f"{path}[{i}]", stored[i], requested[i])
+    return path, stored, requested
 
 
 def _text(value: Any) -> str:
@@ -238,7 +227,8 @@ def locked(path: Path) -> Iterator[bool]:
     try:
         lock.acquire()
     except Timeout:
-        raise _in_use(path, _holder(real)) from None
+        reason = f"is in use {_holder(real)}"
+        raise InvalidFile(path.parent, reason, "wait for it, or give another directory") from None
     except OSError as error:
         # Some file systems of clusters have no locks. Chunks are atomic and independent of the
         # writer, so that two processes only waste time there.
@@ -269,10 +259,6 @@ def _holder(path: Path) -> str:
     if holder == _signature():
         return "by another study in this process"
     return f"by {holder or 'another process'}"
-
-
-def _in_use(path: Path, holder: str) -> InvalidFile:
-    return InvalidFile(path.parent, f"is in use {holder}", "wait for it, or give another directory")
 
 
 # --- Chunks as Parquet files
@@ -412,14 +398,12 @@ def _array(column: Any) -> Any:
 STORE_FORMAT = 3
 MANIFEST, LOCK, POINTS = "study.json", "lock", "points"
 FORM = ("points", "chains", "schema")  # entries that depend on the identity and on the version
-ENTRIES: Mapping[str, type] = MappingProxyType(
-    {
-        **dict.fromkeys(("format", "points", "chunk"), int),
-        **dict.fromkeys(("identity", "schema", "attrs", "versions"), dict),
-        "kind": str,
-        "chains": list,
-    }
-)
+ENTRIES: Mapping[str, type] = {
+    **dict.fromkeys(("format", "points", "chunk"), int),
+    **dict.fromkeys(("identity", "schema", "attrs", "versions"), dict),
+    "kind": str,
+    "chains": list,
+}
 """Types of the entries of ``study.json``."""
 MAX_MANIFEST_BYTES = 1 << 28  # a number of an axis takes some 20
 MAX_PARTS = 1 << 22
@@ -462,7 +446,10 @@ class DirectoryStore(ChunkStore):
         self.files, self.attrs = ChunkFiles(directory, manifest), manifest["attrs"]
         versions = provenance()
         self._metadata = {"kind": study.kind, "versions": versions}
-        _warn_of_versions(directory, manifest["versions"], versions)
+        changed = difference(manifest["versions"], versions)
+        if changed:
+            message = "%s: %s; last bits may differ between old and new points"
+            _log.warning(message, directory, changed)
         self.scan_completed()
 
     def keep(self, number: int, columns: Columns, carried: Any, failed: int) -> None:
@@ -596,12 +583,6 @@ def _check_same(directory: Path, manifest: Mapping[str, Any], study: Study) -> N
     )
     if differing:
         raise InvalidFile(directory, f"holds another study: {differing}", DIRECTORY_REMEDY)
-
-
-def _warn_of_versions(path: Path, stored: Mapping[str, Any], present: Mapping[str, Any]) -> None:
-    differing = difference(stored, present)
-    if differing:
-        _log.warning("%s: %s; last bits may differ between old and new points", path, differing)
 
 
 def _make(directory: Path) -> None:

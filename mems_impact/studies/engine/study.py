@@ -41,16 +41,13 @@ class Study(ABC):
 
     kind: ClassVar[str]
     """Its verb, such as ``"operating_map"``, which names it in messages and stores."""
+    chunk: ClassVar[int] = 64
+    """Number of points computed together by default: some seconds of work."""
 
     @property
     @abstractmethod
     def points(self) -> int:
         """Number of points."""
-
-    @property
-    def chunk(self) -> int:
-        """Number of points computed together by default: some seconds of work."""
-        return 64
 
     @property
     def threaded(self) -> bool:
