@@ -65,9 +65,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         )
         files.draw(lambda: mi.plot_basins(basins).figure)
         columns = [name for name in basins.attractors if not str(name).endswith(tuple(HIDDEN))]
-        few = basins.attractors[columns]
-        few.attrs = basins.attractors.attrs
-        show_table("attractors", few, digits=5)
+        show_table("attractors", basins.attractors[columns], digits=5)
         if follow is not None:
             followed = run_saving_partial(
                 lambda: _follow(basins, follow, options["shares"], arguments),

@@ -64,7 +64,6 @@ def command(
         files.tables({"table": found.table, "impacts": found.impact_onset})
         files.draw(lambda: mi.plot_characteristic(found).figure)
         shown = found.table.filter([found.curves, parameter, *SHOWN_COLUMNS])
-        shown.attrs = found.table.attrs
         show_table("working points", shown, digits=5)
         show_table("impacts", found.impact_onset, digits=5)
         files.show()

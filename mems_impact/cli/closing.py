@@ -85,6 +85,4 @@ def show_closing(closing: mi.Closing) -> None:
     show_values(values, in_units=closing.si)
     if len(closing.table):
         show("\nFirst impacts:")
-        rows = closing.table.head(FIRST_ROWS)
-        rows.attrs = closing.table.attrs
-        show_table("impacts", rows, digits=6)
+        show_table("impacts", closing.table.head(FIRST_ROWS), digits=6)

@@ -68,11 +68,8 @@ def command(
         add_json_tables({"branches": _summary(diagram)})
         special = diagram.special_table
         show(f"{diagram.tree}\n")
-        few = special.reindex(columns=["label", "kind", "type", parameter, "branch"]).head(
-            SHOWN_SPECIAL_POINTS
-        )
-        few.attrs = special.attrs
-        show_table("points", few, digits=10)
+        few = special.reindex(columns=["label", "kind", "type", parameter, "branch"])
+        show_table("points", few.head(SHOWN_SPECIAL_POINTS), digits=10)
         files.show()
 
 

@@ -10,14 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.arguments import given_arguments
-from mems_impact.cli.options import (
-    KEY,
-    actuator_from,
-    code_is_allowed,
-    drive_from,
-    option_of,
-    state_from,
-)
+from mems_impact.cli.options import KEY, actuator_from, code_is_allowed, drive_from, option_of
 from mems_impact.cli.runtime import FROM_FILE, STORE, warn
 from mems_impact.cli.value_types import KICKED, Initial, symbol_of
 
@@ -215,21 +208,23 @@ def load_subject(
 def start_from(initial: Initial, owner: mi.HybridSystem | mi.Actuator) -> mi.State:
     """Return the initial state that ``--initial`` describes."""
     import mems_impact as mi
+    from mems_impact.actuator.equations import STATES
     from mems_impact.actuator.system import ActuatorSystem
 
     if isinstance(owner, ActuatorSystem):
         owner = owner.actuator
     if isinstance(owner, mi.Actuator):
-        return state_from(initial, owner)
+        if initial == KICKED:
+            return mi.kicked_state(owner)
+        allowed, start = [*STATES, "time"], mi.State()
+    else:
+        allowed, start = [*owner.states, "time"], owner.initial
     if initial == KICKED:
         raise click.UsageError(f"--initial {KICKED}: for devices only; give NAME=NUMBER")
-    assert isinstance(initial, dict)
     for component in initial:
-        allowed = (*owner.states, "time")
         if component not in allowed:
             raise click.UsageError(f"--initial {component}: must be one of {', '.join(allowed)}")
-    start: mi.State = owner.initial.replace(**initial)
-    return start
+    return start.replace(**initial)
 
 
 def refuse_drive(name: str) -> None:

@@ -65,7 +65,7 @@ def command(ctx: click.Context, /, output: Callable[[str], Output], **options: A
             show_table("front", result.table, digits=6)
         else:
             margins = result.margins
-            rows = with_unit_column(margins, "parameter", _units(result))
+            rows = with_unit_column(margins, "parameter", result.system.units.shown)
             files.tables({"margins": rows})
             files.draw(lambda: mi.plot_orbit(result.orbit).figure)
             _show(result, margins)
@@ -103,19 +103,9 @@ def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
         in_units=system.units.scales.named,
     )
     show("\nMargins to the next bifurcations:")
-    show_table("margins", with_units_in(margins, "parameter", _units(best)), digits=6)
+    show_table("margins", with_units_in(margins, "parameter", system.units.shown), digits=6)
 
 
 def _constraint_suffix(best: mi.Optimum) -> str:
     """Return the active constraints of an optimum, to be added to a sentence."""
     return f" ({'; '.join(best.active)})" if best.active else ""
-
-
-def _units(best: mi.Optimum) -> dict[str, str]:
-    """Return the units of the varied parameters; empty for a dimensionless device."""
-    system = best.system
-    return (
-        {name: system.units.get(name, "") for name in best.values}
-        if system.units.scales.named
-        else {}
-    )

@@ -15,19 +15,11 @@ from click.shell_completion import CompletionItem
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.cli.output import DIRECTORY, STANDARD_OUTPUT, Output
 from mems_impact.cli.runtime import DRIVE_PREFIX
-from mems_impact.cli.value_types import (
-    KICKED,
-    NUMBER_UNITS,
-    WITH_UNIT,
-    AssignmentType,
-    Initial,
-    QuantityType,
-)
+from mems_impact.cli.value_types import NUMBER_UNITS, WITH_UNIT, AssignmentType, QuantityType
 
 if TYPE_CHECKING:
     from mems_impact.actuator.actuator import Actuator
     from mems_impact.actuator.drives.base import Drive
-    from mems_impact.systems.state import State
 
 # --- Shared options
 
@@ -92,8 +84,7 @@ def _with_output(command: Any) -> Any:
     return gathered
 
 
-output_options = apply_decorators(
-    directory_option,
+figure_options = apply_decorators(
     click.option(
         "--figure",
         type=click.Path(dir_okay=False),
@@ -102,8 +93,9 @@ output_options = apply_decorators(
         help="File of the figure: .png, .pdf or .svg.",
     ),
     click.option("--no-figure", is_flag=True, help="Skip the figure."),
-    _with_output,
 )
+
+output_options = apply_decorators(directory_option, figure_options, _with_output)
 
 
 def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
@@ -133,22 +125,6 @@ def refuse_system(device: str) -> None:
             f"{device}: a system, but this command takes a device; simulate and explore take "
             "systems, map, basins and tolerances take study files, and Python functions take any"
         )
-
-
-def state_from(initial: Initial, actuator: Actuator) -> State:
-    """Return the state that ``--initial`` describes."""
-    from mems_impact.actuator.equations import STATES
-    from mems_impact.actuator.state_space import kicked_state
-    from mems_impact.systems.state import state_from as state_of
-
-    if initial == KICKED:
-        return kicked_state(actuator)
-    assert isinstance(initial, dict)
-    for name in initial:
-        if name not in (*STATES, "time"):
-            raise click.UsageError(f"--initial {name}: must be one of {', '.join(STATES)}, time")
-    components = {name: value for name, value in initial.items() if name != "time"}
-    return state_of(components, time=initial.get("time", 0.0))
 
 
 # --- Options of the drive

@@ -71,9 +71,7 @@ def unit_of(table: pd.DataFrame, name: str) -> str:
 def with_units_in(table: pd.DataFrame, column: str, units: Mapping[str, str]) -> pd.DataFrame:
     """Return a table whose names in `column` carry their units: ``omega [rad/s]``."""
     names = [f"{name} [{units[name]}]" if units.get(name) else name for name in table[column]]
-    result = table.assign(**{column: names})
-    result.attrs = table.attrs
-    return result
+    return table.assign(**{column: names})
 
 
 def with_unit_column(table: pd.DataFrame, column: str, units: Mapping[str, str]) -> pd.DataFrame:
@@ -83,9 +81,7 @@ def with_unit_column(table: pd.DataFrame, column: str, units: Mapping[str, str])
     """
     if not units:
         return table
-    result = table.assign(unit=[units.get(name, "") for name in table[column]])
-    result.attrs = table.attrs
-    return result
+    return table.assign(unit=[units.get(name, "") for name in table[column]])
 
 
 def show(text: str) -> None:

@@ -111,12 +111,8 @@ def _show(result: mi.Sensitivity, quantity: str) -> None:
     rows = table[table["quantity"] == quantity].sort_values(
         "per cent", key=lambda column: -column.abs()
     )
-    in_units = result.system.units.scales.named
-    units = {
-        name: result.system.units.get(name, "") if in_units else "" for name in result.parameters
-    }
     rows = rows[["parameter", "at", "derivative", "elasticity"]]
-    show_table("table", with_units_in(rows, "parameter", units), digits=6)
+    show_table("table", with_units_in(rows, "parameter", result.system.units.shown), digits=6)
 
 
 def _units(result: mi.Sensitivity) -> dict[str, str]:

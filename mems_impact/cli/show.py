@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mems_impact.cli.options import figure_options
 from mems_impact.cli.output import (
     OutputValue,
     add_json_tables,
@@ -34,14 +35,7 @@ LONGEST_REASON = 60  # characters of why points failed, to fit a line
     metavar="DIR",
     help="Directory for table and figure; created if needed.",
 )
-@click.option(
-    "--figure",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    show_default="a PNG in DIR",
-    help="File of the figure: .png, .pdf or .svg.",
-)
-@click.option("--no-figure", is_flag=True, help="Skip the figure.")
+@figure_options
 def command(*, store: str, output: str | None, figure: str | None, no_figure: bool) -> None:
     """Show finished points, failures and ranges of the columns of the study stored in STORE.
 

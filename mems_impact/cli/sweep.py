@@ -96,7 +96,6 @@ def _show(sweep: Sweep, place: object) -> None:
     show(_headline(changes, parameter, unit) + "\n")
     rows = _shown_rows(summary, {each.direction: each.after for each in changes})
     displayed = summary.loc[rows, [parameter, "direction", *SHOWN_COLUMNS]]
-    displayed.attrs = summary.attrs
     show_table("summary", displayed, digits=6)
     if len(rows) < len(summary):
         show(f"{len(rows)} of {len(summary)} rows; all rows and columns: {place}")

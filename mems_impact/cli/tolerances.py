@@ -53,8 +53,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
             lambda: mi.tolerance_analysis(system, **arguments),
             lambda table: files.tables({"table": table}),
         )
-        spread = analysis.quantiles(SPREAD)
-        spread = spread.reset_index(names="quantity")
+        spread = analysis.quantiles(SPREAD).reset_index(names="quantity")
         units = analysis.table.attrs.get("units", {})
         tables = {
             "table": analysis.table,
@@ -66,7 +65,6 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         files.tables(tables)
         files.draw(lambda: mi.plot_tolerance_analysis(analysis).figure)
         observed = spread[spread["points"] > 0]
-        observed.attrs = spread.attrs
         show_table("quantiles", with_units_in(observed, "quantity", units), digits=5)
         if analysis.specification:
             show_table("yields", with_units_in(analysis.yields, "quantity", units), digits=5)

@@ -51,6 +51,11 @@ class Units(Mapping[str, str]):
     def __len__(self) -> int:
         return len(self._names)
 
+    @property
+    def shown(self) -> Mapping[str, str]:
+        """The units by name; none of a dimensionless system."""
+        return self._names if self.scales.named else {}
+
     def parse(self, name: str, values: Any, field: str = "") -> Any:
         """Return values of a parameter, a state or the time, with texts as numbers in the unit.
 
