@@ -16,18 +16,13 @@ from mems_impact import tables as orbit_tables
 from mems_impact._util.arrays import Floats
 from mems_impact._util.progress import parameter_progress
 from mems_impact._util.warning_scopes import warn
-from mems_impact.analysis.continuation_range import (
-    amount,
-    check_bounds,
-    checked_ends,
-    checked_range,
-)
+from mems_impact.analysis.continuation_range import amount, checked_ends, checked_range
 from mems_impact.analysis.continuation_result import ContinuationResult
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
 from mems_impact.analysis.homoclinic import HomoclinicEnd
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.solution import S, Solution, branch_table, row, solution_of
-from mems_impact.analysis.special_points import SpecialPoint, check_kind, special_point
+from mems_impact.analysis.special_points import SpecialPoint, special_point
 from mems_impact.analysis.symmetry import Symmetry, symmetry_of_halves
 from mems_impact.analysis.user_test_functions import EventFunction, Events
 from mems_impact.continuation.arclength import CLOSED, StepControl
@@ -47,6 +42,7 @@ from mems_impact.continuation.test_functions import BRANCH_POINT, MEETING, ORBIT
 from mems_impact.errors import DiscontinuityWarning, InvalidParameter, OrbitError
 from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.result import check_kind
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -243,14 +239,11 @@ def continue_solution(
     check_kind(solution, "solution", Orbit | Equilibrium, kinds)
     if isinstance(solution, Equilibrium) and solution.nullity:
         raise InvalidParameter("solution", solution, "isolated, not one of a continuum")
-    system = solution.system
-    stop, back = checked_ends(system, parameter, stop, back)
-    bounds = check_bounds(system, parameter, stop, back)
+    bounds, side = checked_ends(solution.system, parameter, stop, back)
     followed = _follower(solution, parameter, bounds, through_grazing, events, stop_at, progress)
-    steps = steps or _steps(solution)
     with followed as follow_side:
-        side = math.copysign(1.0, stop - system.parameters[parameter])
-        return _branch(system, follow_side(solution.numeric, side, steps), bounds)
+        branch = follow_side(solution.numeric, side, steps or _steps(solution))
+        return _branch(solution.system, branch, bounds)
 
 
 def _steps(solution: Solution) -> StepControl:

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import interval, is_number
 
-__all__ = ["amount", "check_bounds", "check_value", "checked_ends", "checked_range"]
+__all__ = ["amount", "checked_ends", "checked_range"]
 
 
-def checked_ends(system: HybridSystem, parameter: str, stop: Any, back: Any) -> tuple[Any, Any]:
-    """Return the two arguments of a continuation as numbers, if they are texts with units."""
+def checked_ends(
+    system: HybridSystem, parameter: str, stop: Any, back: Any
+) -> tuple[tuple[float, float], float]:
+    """Return the bounds of a continuation and its direction, 1 or -1.
+
+    Raises InvalidParameter if the bounds leave no interval.
+    """
     system.check_parameter(parameter)
     ends = {"stop": stop, "back": back}
     stop, back = (system.units.parse(parameter, value, name) for name, value in ends.items())
-    return stop, back
-
-
-def check_bounds(
-    system: HybridSystem, parameter: str, stop: float, back: Any
-) -> tuple[float, float]:
-    """Return the bounds of continuation; InvalidParameter if they leave no interval."""
     system.checks.continuation(parameter)
     current = system.parameters[parameter]
     check_value(system, parameter, "stop", stop)
@@ -35,7 +34,7 @@ def check_bounds(
     if (back - current) * (stop - current) > 0.0:
         allowed = f"{amount(system, parameter, current)}, or on the other side of it than stop"
         raise InvalidParameter("back", back, allowed)
-    return (stop, back) if stop < back else (back, stop)
+    return (min(stop, back), max(stop, back)), math.copysign(1.0, stop - current)
 
 
 def amount(system: HybridSystem, parameter: str, value: float) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mems_impact import tables as orbit_tables
 from mems_impact._util.progress import parameter_progress
-from mems_impact.analysis.continuation_range import check_bounds, checked_ends
+from mems_impact.analysis.continuation_range import checked_ends
 from mems_impact.analysis.continuation_result import ContinuationResult
 from mems_impact.analysis.equilibrium import Equilibrium
 from mems_impact.analysis.orbit import Orbit
@@ -20,7 +20,6 @@ from mems_impact.analysis.solution import S, branch_table, row, solution_of
 from mems_impact.analysis.special_points import (
     CodimensionTwo,
     SpecialPoint,
-    check_kind,
     special_point,
 )
 from mems_impact.analysis.user_test_functions import EventFunction
@@ -33,6 +32,7 @@ from mems_impact.continuation.test_functions import ORBIT_LABELS, UNEXPLAINED
 from mems_impact.continuation.user_test_functions import FunctionTest
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.result import check_kind
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -229,9 +229,7 @@ def continue_curve(
         )
     if kind == UNEXPLAINED:
         raise InvalidParameter("special", kind, "a point of known kind")
-    stop, back = checked_ends(system, parameter, stop, back)
-    bounds = check_bounds(system, parameter, stop, back)
-    direction = math.copysign(1.0, stop - system.parameters[parameter])
+    bounds, direction = checked_ends(system, parameter, stop, back)
     low, high = (system.units.into(parameter, bound) for bound in bounds)
     noun = "equilibria" if start is None else "orbits"
     with parameter_progress(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +30,7 @@ from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
@@ -108,22 +110,21 @@ class EdgeState(Result):
         }
 
 
+@dataclass(eq=False)
 class _Tracking:
     """Edge tracking: two states that enclose the boundary, in the units of the numerics."""
 
-    def __init__(
-        self,
-        system: HybridSystem,
-        recurrence: RecurrenceOptions,
-        options: Options,
-        problem: Problem,
-        step: float,
-    ) -> None:
-        self.system, self.problem, self.step = system, problem, step
-        self.recurrence, self.options = recurrence, options
-        automaton = problem.automaton
-        self.free = [i for i in range(len(automaton.states)) if i not in automaton.cyclic]
-        self.known: list[Attractor] = []
+    system: HybridSystem
+    recurrence: RecurrenceOptions
+    options: Options
+    problem: Problem
+    step: float
+    known: list[Attractor] = field(default_factory=list)
+
+    @cached_property
+    def free(self) -> list[int]:
+        """The components that are not cyclic."""
+        return list(free_components(self.problem.automaton))
 
     def attractor(self, start: HybridState) -> Attractor:
         """Return the attractor that a state reaches.
@@ -423,6 +424,6 @@ def _saddle(
     if not system.forced and isinstance(solution, Orbit):
         return solution  # it starts elsewhere on the cycle
     at = system.state_space.instant(solution.state, problem)
-    free = [i for i in range(at.y.size) if i not in problem.automaton.cyclic]
+    free = list(free_components(problem.automaton))
     away = float(np.abs(at.y - last.y)[free].max())
     return solution if away <= ORBIT_RTOL * max(1e-3, float(np.abs(last.y[free]).max())) else None

@@ -307,7 +307,7 @@ class _SearchCircle:
     def _image(self, position: Floats) -> Floats | None:
         """Return the image of a point of the section; None outside, or if it leaves the section."""
         start = self.point.state(position)
-        if self.point.violated_guard(start) is not None:
+        if self.point.is_outside(start):
             return None
         try:
             end = self.point.map.image(start)
@@ -376,9 +376,8 @@ class _SearchCircle:
             return None
 
     def _append(self, position: Floats, reached: float) -> None:
-        self.heading = (position - self.curve.positions[-1]) / np.linalg.norm(
-            position - self.curve.positions[-1]
-        )
+        step = position - self.curve.positions[-1]
+        self.heading = step / np.linalg.norm(step)
         self.curve.append(position)
         self.points.append(_Point(self.point.state(position), position, False))
         self.rate = max(0.0, reached - self.reached) / self.radius
@@ -415,9 +414,7 @@ class _SearchCircle:
         start = self.curve.positions[-1]
 
         def outside(far: float) -> bool:
-            return (
-                self.point.violated_guard(self.point.state(start + far * self.heading)) is not None
-            )
+            return self.point.is_outside(self.point.state(start + far * self.heading))
 
         if not outside(high):
             return None
@@ -434,7 +431,7 @@ class _SearchCircle:
         automaton, problem = self.point.map.problem.automaton, self.point.map.problem
         p = np.asarray(problem.parameters, dtype=float)
         at = self.point.state(position)
-        margins, rates = automaton.margins_at(at.mode, at.time, at.y, p)
+        margins, rates = self.point.margins(at)
         hits = [i for i, guard in enumerate(automaton.guards) if guard.impact]
         guard = min(hits, key=lambda i: abs(margins[i]))
 
@@ -445,16 +442,12 @@ class _SearchCircle:
 
         if rates[guard] < 0.0:
             return [after(position)]
-        normal = np.array([
-            automaton.margins_at(at.mode, at.time, self.point.state(position + h).y, p)[0][guard]
-            - margins[guard]
-            for h in 1e-6 * np.eye(2)
-        ])  # fmt: skip
+        moved = [self.point.state(position + h) for h in 1e-6 * np.eye(2)]
+        normal = np.array([self.point.margins(each)[0][guard] for each in moved]) - margins[guard]
         along = np.array([-normal[1], normal[0]]) / np.linalg.norm(normal)
 
         def closing(s: float) -> bool:
-            y = self.point.state(position + s * along).y
-            return bool(automaton.margins_at(at.mode, at.time, y, p)[1][guard] < 0.0)
+            return bool(self.point.margins(self.point.state(position + s * along))[1][guard] < 0.0)
 
         def missing(s: float) -> float:
             return float((after(position + s * along) - position) @ along)

@@ -103,15 +103,17 @@ class FixedPoint(NamedTuple):
             mode = system.state_space.mode_of(y, self.instant.time, problem, mode)
         return replace(self.instant, mode=mode, y=y)
 
-    def violated_guard(self, start: HybridState) -> int | None:
-        """Return the impact guard beyond which a state lies, or None."""
-        automaton, problem = self.map.problem.automaton, self.map.problem
+    def margins(self, at: HybridState) -> tuple[Floats, Floats]:
+        """Return the margins of all guards at a state, and their rates."""
+        problem = self.map.problem
         p = np.asarray(problem.parameters, dtype=float)
-        margins, _ = automaton.margins_at(start.mode, start.time, start.y, p)
-        for i, guard in enumerate(automaton.guards):
-            if guard.impact and margins[i] < OUTSIDE_MARGIN:
-                return i
-        return None
+        return problem.automaton.margins_at(at.mode, at.time, at.y, p)
+
+    def is_outside(self, at: HybridState) -> bool:
+        """Return whether a state lies beyond the guard of an impact."""
+        guards = self.map.problem.automaton.guards
+        pairs = zip(guards, self.margins(at)[0], strict=True)
+        return any(guard.impact and margin < OUTSIDE_MARGIN for guard, margin in pairs)
 
     def coordinates(self, at: HybridState) -> Floats:
         """Return the coordinates of a state."""
@@ -179,12 +181,11 @@ def _of_forced_orbit(orbit: Orbit) -> list[FixedPoint]:
         embedding,
         reduced_monodromy(solution.shooting, solution.point),
     )
-    points = [first]
-    for at in orbit.returns[1:]:
-        points.append(
-            _differentiated(returns, at, components, orbit.numeric.multipliers, embedding)
-        )
-    return points
+    others = (
+        _differentiated(returns, at, components, orbit.numeric.multipliers, embedding)
+        for at in orbit.returns[1:]
+    )
+    return [first, *others]
 
 
 def _of_cycle(orbit: Orbit) -> list[FixedPoint]:

@@ -37,7 +37,9 @@ def row(solution: Solution, **leading: int) -> dict[str, Any]:
     """Return the row of a solution in tables; `leading` are its first columns."""
     stability = {"stable": solution.stable, "admissible": solution.admissible}
     if isinstance(solution, Equilibrium):
-        values = {name: np.array([solution.state[name]]) for name in _states(solution.system)}
+        values = {
+            name: np.array([solution.state[name]]) for name in solution.system.state_space.free
+        }
         return {**stability, "largest real part": _largest_real_part(solution), "states": values}
     period = {} if solution.system.forced else {"period": solution.period}
     measures = {
@@ -54,14 +56,8 @@ def row(solution: Solution, **leading: int) -> dict[str, Any]:
 def branch_table(table: pd.DataFrame, system: HybridSystem, *, equilibria: bool) -> pd.DataFrame:
     """Mark a table of equilibria for figures: its states do not belong to a section."""
     if equilibria:
-        table.attrs |= {"states": _states(system), "equilibria": True}
+        table.attrs |= {"states": list(system.state_space.free), "equilibria": True}
     return table
-
-
-def _states(system: HybridSystem) -> list[str]:
-    """Return the states that are constant at an equilibrium."""
-    cyclic = {system.states[i] for i in system.automaton.cyclic}
-    return [name for name in system.states if name not in cyclic]
 
 
 def _largest_real_part(equilibrium: Equilibrium) -> float:
@@ -89,9 +85,8 @@ def quantities(solution: Solution, parameter: str) -> dict[str, Callable[[], flo
     }
     if isinstance(solution, Equilibrium):
         columns["largest real part"] = partial(_largest_real_part, solution)
-        return columns | {
-            name: partial(solution.state.__getitem__, name) for name in _states(system)
-        }
+        states = system.state_space.free
+        return columns | {name: partial(solution.state.__getitem__, name) for name in states}
     columns |= {name: partial(measure, solution) for name, measure in MEASURES.items()}
     if system.forced:
         del columns["period"]

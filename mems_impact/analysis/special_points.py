@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
-from types import UnionType
 from typing import Any, Generic, TypeVar
 
 from mems_impact.analysis.boundary_equilibrium_type import BoundaryType, boundary_type
@@ -27,7 +26,7 @@ from mems_impact.continuation.normal_forms import (
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.continuation.sliding import is_discontinuity
 from mems_impact.continuation.test_functions import ClosestApproachTest, ContactSpeedTest, FoldTest
-from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.systems.base import HybridSystem
@@ -38,15 +37,12 @@ __all__ = [
     "CodimensionTwo",
     "GrazingType",
     "SpecialPoint",
-    "check_kind",
     "special_point",
 ]
 
 T = TypeVar("T")
 
-GRAZING_SEARCH_RATIO = (
-    1e-3  # relative range of the parameter in which the other side of a grazing is sought
-)
+GRAZING_SEARCH_RATIO = 1e-3  # relative range in which the other side of a grazing is sought
 
 
 class GrazingType(StrEnum):
@@ -331,9 +327,3 @@ def _only(result: object, solution: object, kind: type[T]) -> T:
         return solution
     other = "an equilibrium" if isinstance(solution, Equilibrium) else "an orbit"
     raise AttributeError(f"the solution of {result!r} is {other}")
-
-
-def check_kind(value: object, field: str, kind: type | UnionType, allowed: str) -> None:
-    """Raise InvalidParameter unless `value` is an instance of `kind`."""
-    if not isinstance(value, kind):
-        raise InvalidParameter(field, value, allowed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar, overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -137,15 +137,10 @@ class Symmetry:
         guess = system.state_space.state(
             HybridState(0, 0.0, mode, system.state_space.snap(mode, y))
         )
+        forced = system.forced
+        length: Any = {"periods": solution.periods} if forced else {"period": solution.period}
         try:
-            if system.forced:
-                image = find_orbit(
-                    system, guess=guess, periods=solution.periods, options=solution.options
-                )
-            else:
-                image = find_orbit(
-                    system, guess=guess, period=solution.period, options=solution.options
-                )
+            image = find_orbit(system, guess=guess, options=solution.options, **length)
         except CONTINUATION_ERRORS:
             return None
         one, other = (np.sort(np.abs(each.multipliers)) for each in (solution, image))
@@ -206,9 +201,6 @@ def symmetry_of(system: HybridSystem, symmetry: SignSymmetry) -> Symmetry:
     """Return a symmetry of `orbits` as a `Symmetry`."""
     signs = dict(zip(system.states, symmetry.signs, strict=True))
     return Symmetry(signs=signs, half_period=symmetry.half_period, numeric=symmetry)
-
-
-S = TypeVar("S", Orbit, Equilibrium)
 
 
 def broken_symmetry(

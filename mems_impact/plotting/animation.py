@@ -24,6 +24,7 @@ from mems_impact.errors import FileNotWritten, InvalidParameter
 from mems_impact.plotting.labels import label_axis, label_of, symbol
 from mems_impact.plotting.style import color, new_figure, styled, thickness, wearing
 from mems_impact.plotting.trajectories import between, is_jump, jump, line, plane
+from mems_impact.systems.result import check_kind
 
 __all__ = [
     "Animation",
@@ -493,9 +494,7 @@ def animate(
     >>> mi.animate(run, first=299, per_period=8).save("device.gif")
     >>> mi.animate(run, first=299, per_period=8, x="x2", y="v2").save("portrait.html")
     """
-    if not isinstance(run, Run):
-        allowed = "a Run, as mems_impact.simulate returns it"
-        raise InvalidParameter("run", type(run).__name__, allowed)
+    check_kind(run, "run", Run, "a Run, as mems_impact.simulate returns it")
     is_integer = isinstance(per_period, int) and not isinstance(per_period, bool)
     if not (is_integer and per_period > 0):
         raise InvalidParameter("per_period", per_period, "a whole number > 0")

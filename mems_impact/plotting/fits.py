@@ -10,6 +10,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import Label, label_axis, legend_above, letter_panels, symbol
 from mems_impact.plotting.style import Axes, color, given_axes, new_figure, styled
 from mems_impact.studies.fit import Fit
+from mems_impact.systems.result import check_kind
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,8 +61,7 @@ def plot_fit(fit: Fit, ax: Any = None, *, kind: Literal["data", "ellipses"] = "d
     >>> found = mi.fit(ball, seen, free=["x0.v"])
     >>> mi.plot_fit(found).figure.savefig("fit.png")
     """
-    if not isinstance(fit, Fit):
-        raise InvalidParameter("fit", type(fit).__name__, "a Fit, as mems_impact.fit returns it")
+    check_kind(fit, "fit", Fit, "a Fit, as mems_impact.fit returns it")
     if kind not in ("data", "ellipses"):
         raise InvalidParameter("kind", kind, "'data' or 'ellipses'")
     return _ellipses(fit, ax) if kind == "ellipses" else _data(fit, ax)

@@ -12,6 +12,7 @@ from mems_impact.analysis.run import Run
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import label_axis, legend_above, parameter_label
 from mems_impact.plotting.style import Axes, cased, color, new_figure, styled, thickness
+from mems_impact.systems.result import check_kind
 from mems_impact.systems.state import whole
 
 __all__ = ["plot_manifold", "plot_return_map"]
@@ -68,9 +69,8 @@ def plot_manifold(
     """
     manifolds: list[Any] = list(manifold) if isinstance(manifold, list | tuple) else [manifold]
     for each in manifolds:
-        if not isinstance(each, Manifold):
-            allowed = "a Manifold, as mems_impact.manifold returns it, or several"
-            raise InvalidParameter("manifold", type(each).__name__, allowed)
+        allowed = "a Manifold, as mems_impact.manifold returns it, or several"
+        check_kind(each, "manifold", Manifold, allowed)
     if not manifolds:
         raise InvalidParameter("manifold", "none", "one or more")
     system = manifolds[0].system
@@ -158,8 +158,7 @@ def plot_return_map(
     >>> run = mi.simulate(system, periods=200)
     >>> mi.plot_return_map(run, "x").figure.savefig("logistic.png")
     """
-    if not isinstance(run, Run):
-        raise InvalidParameter("run", type(run).__name__, "a Run, as mems_impact.simulate returns")
+    check_kind(run, "run", Run, "a Run, as mems_impact.simulate returns it")
     last, skip = whole("last", last, 0), whole("skip", skip, 0)
     table = run.section(1)
     numeric = [name for name in table.columns if table[name].dtype.kind == "f"]

@@ -34,6 +34,7 @@ from mems_impact.plotting.style import (
     thickness,
 )
 from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.result import check_kind
 from mems_impact.tables import captions
 
 __all__ = [
@@ -78,8 +79,7 @@ def check_states(field: str, names: Sequence[str], allowed: Sequence[str]) -> tu
 
 def plane(system: HybridSystem, x: str | None, y: str | None) -> tuple[str, str]:
     """Return the states that span the plane."""
-    free = [name for i, name in enumerate(system.states) if i not in system.automaton.cyclic]
-    allowed = (*system.states, "t")
+    free, allowed = system.state_space.free, (*system.states, "t")
     for field, name in (("x", x), ("y", y)):
         if name is not None:
             check_states(field, name, allowed)
@@ -232,9 +232,7 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
     >>> mi.plot_orbit(orbit, x="x2", y="v2").figure.savefig("orbit.png")
     """
-    if not isinstance(orbit, Orbit):
-        allowed = "an Orbit, as mems_impact.find_orbit returns it"
-        raise InvalidParameter("orbit", type(orbit).__name__, allowed)
+    check_kind(orbit, "orbit", Orbit, "an Orbit, as mems_impact.find_orbit returns it")
     if orbit.figure and x is None and y is None:
         return resolve_name(orbit.figure)(orbit, ax)
     x, y = plane(orbit.system, x, y)
@@ -349,9 +347,7 @@ def plot_run(
     >>> axes = mi.plot_run(run, first=296, states=["v2"])
     >>> axes.figure.savefig("run.png")
     """
-    if not isinstance(run, Run):
-        allowed = "a Run, as mems_impact.simulate returns it"
-        raise InvalidParameter("run", type(run).__name__, allowed)
+    check_kind(run, "run", Run, "a Run, as mems_impact.simulate returns it")
     if run.figure and states is None:
         return resolve_name(run.figure)(run, first, last, ax)[0]
     known_states = run.system.states

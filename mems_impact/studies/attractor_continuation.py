@@ -34,6 +34,7 @@ from mems_impact.studies.engine.scheduler import completed_study, run_study
 from mems_impact.studies.engine.study import OK, STATUS, Columns, Study, row_label
 from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
 from mems_impact.systems.parameter_result import ParameterResult
+from mems_impact.systems.result import check_kind
 from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.statistics import FAILED
@@ -434,9 +435,7 @@ def continue_attractors(
     >>> rows.loc["off", "after"], rows.loc["period 1", "before"]
     ('period 1', 'off')
     """
-    if not isinstance(basins, Basins):
-        allowed = "Basins, as mems_impact.basins returns them"
-        raise InvalidParameter("basins", type(basins).__name__, allowed)
+    check_kind(basins, "basins", Basins, "Basins, as mems_impact.basins returns them")
     system = basins.system
     measuring = AttractorEvaluator(system=system, recurrence=recurrence, options=options)
     system.check_parameter(parameter)

@@ -79,9 +79,7 @@ class AttractorMatcher:
     @property
     def names(self) -> tuple[str, ...]:
         """The compared components."""
-        system = self.system
-        hidden = {system.states[i] for i in system.automaton.cyclic}
-        return tuple(name for name in system.states if name not in hidden)
+        return self.system.state_space.free
 
     @property
     def schema(self) -> dict[str, str]:

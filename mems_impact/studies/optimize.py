@@ -15,7 +15,6 @@ from mems_impact._util.progress import progress_bar
 from mems_impact._util.quantities import quantities
 from mems_impact.analysis.continuation_range import amount
 from mems_impact.analysis.orbit import Orbit
-from mems_impact.analysis.special_points import check_kind
 from mems_impact.errors import Interrupted, InvalidParameter, OrbitError
 from mems_impact.orbits.signature import BOUNDARY
 from mems_impact.studies.sampling import deviations
@@ -29,7 +28,7 @@ from mems_impact.studies.sensitivity import (
 from mems_impact.studies.trust_region import CONSTRAINT_TOLERANCE, Iterate, LocalModel, search
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import MULTIPLIER, Quantity
-from mems_impact.systems.result import Result
+from mems_impact.systems.result import Result, check_kind
 from mems_impact.systems.state import interval, whole
 from mems_impact.tables import unit_of
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.analysis.orbit import Orbit, orbit_of
-from mems_impact.analysis.special_points import check_kind
 from mems_impact.continuation.arclength import StepControl
 from mems_impact.continuation.branch import OrbitBranch
 from mems_impact.continuation.orbit_branch import points_of
@@ -28,7 +27,7 @@ from mems_impact.orbits.shooting import Shooting, rate_gradient, touch_gradient
 from mems_impact.studies.sampling import deviations
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import Quantity
-from mems_impact.systems.result import Result
+from mems_impact.systems.result import Result, check_kind
 from mems_impact.systems.state import is_number
 
 if TYPE_CHECKING:

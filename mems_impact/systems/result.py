@@ -10,14 +10,14 @@ from functools import cache
 from numbers import Number
 from os import PathLike
 from pathlib import Path
-from types import FunctionType, MappingProxyType
+from types import FunctionType, MappingProxyType, UnionType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from mems_impact._util.files import replacing
 from mems_impact._util.formatting import html_table
-from mems_impact.errors import MemsImpactError
+from mems_impact.errors import InvalidParameter, MemsImpactError
 from mems_impact.hybrid.pickling import same_function
 from mems_impact.tables import to_xarray
 
@@ -25,9 +25,15 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["Result", "SummaryRepr", "deep_equal"]
+__all__ = ["Result", "SummaryRepr", "check_kind", "deep_equal"]
 
 SAVED_TABLES_FIELD = "_attached"  # tables of a result loaded without its system's functions
+
+
+def check_kind(value: object, field: str, kind: type | UnionType, allowed: str) -> None:
+    """Raise InvalidParameter unless `value` is an instance of `kind`."""
+    if not isinstance(value, kind):
+        raise InvalidParameter(field, value, allowed)
 
 
 class SummaryRepr:

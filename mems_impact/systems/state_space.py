@@ -41,13 +41,18 @@ class StateSpace:
         self._system, self._units = system, system.units
 
     @property
+    def free(self) -> tuple[str, ...]:
+        """The states that are not cyclic."""
+        automaton = self._system.automaton
+        pairs = enumerate(automaton.states)
+        return tuple(name for i, name in pairs if i not in automaton.cyclic)
+
+    @property
     def on_section(self) -> tuple[str, ...]:
         """The states that vary on the section."""
-        system = self._system
-        hidden = {system.states[i] for i in system.automaton.cyclic}
-        if system.section is not None:
-            hidden.add(system.states[system.section[0]])
-        return tuple(name for name in system.states if name not in hidden)
+        section, states = self._system.section, self._system.states
+        crossed = None if section is None else states[section[0]]
+        return tuple(name for name in self.free if name != crossed)
 
     @property
     def displayed(self) -> tuple[str, ...]:
