@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -276,20 +276,25 @@ def _marks(table: pd.DataFrame, parameter: str, state: str) -> pd.DataFrame:
 
 def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
     """Return the marks of special points, a single mark for several of one kind at one place."""
-    x, y = (np.diff(ax.get_xlim())[0] or 1.0), (np.diff(ax.get_ylim())[0] or 1.0)
-    kept_marks: list[Mark] = []
+    found = []
     for row in marks.itertuples():
-        near = (
-            abs(mark.x - row.value) < BRANCH_SAME * x and abs(mark.y - row.y) < BRANCH_SAME * y
-            for mark in kept_marks if mark.text == row.label
-        )  # fmt: skip
-        if any(near):
-            continue
         marker, meaning = POINT_MARKS.get(row.label, ("o", ""))
         filled = meaning and row.criticality != "subcritical"
         face = color(meaning) if filled else MARKER_FACE
-        kept_marks.append(Mark(str(row.label), row.value, row.y, marker, face))
-    return kept_marks
+        found.append(Mark(str(row.label), row.value, row.y, marker, face))
+    return _distinct(ax, found, BRANCH_SAME)
+
+
+def _distinct(ax: Any, marks: Iterable[Mark], same: float) -> list[Mark]:
+    """Return the marks without those close to an equal one; `same` is a part of the axes."""
+    size = np.array([np.ptp(ax.get_xlim()) or 1.0, np.ptp(ax.get_ylim()) or 1.0])
+    kept: list[Mark] = []
+    for mark in marks:
+        alike = [other[1:3] for other in kept if other.text == mark.text]
+        apart = np.abs(np.array(alike).reshape(-1, 2) - mark[1:3]) / size
+        if not (apart < same).all(axis=1).any():
+            kept.append(mark)
+    return kept
 
 
 # --- Curves of special points over two parameters.
@@ -372,29 +377,16 @@ def plot_curve(curve: Curve | Sequence[Curve], ax: Any = None) -> Axes:
     special_tables = [
         each.special_table[["kind", x, y]] for each in curves if len(each.special_table)
     ]
-    marks = _mark(ax, pd.concat(special_tables).drop_duplicates(), x, y) if special_tables else []
+    marks: list[Mark] = []
+    if special_tables:
+        rows = pd.concat(special_tables).drop_duplicates().itertuples(index=False)
+        # Two curves share the point where they meet.
+        marks = _distinct(ax, (Mark(*row) for row in rows), CURVE_SAME)
     label_axis(ax.xaxis, parameter_label(first, x))
     label_axis(ax.yaxis, parameter_label(first, y))
     legend_above(ax)
     mark_points(ax, marks)
     return ax
-
-
-def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> list[Mark]:
-    """Return the marks of points of codimension two."""
-    size = np.array([np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())])
-    kept_marks: list[Mark] = []
-    for _, row in points.iterrows():
-        # Two curves share the point where they meet.
-        position = row[[x, y]].to_numpy(dtype=float)
-        if any(
-            row["kind"] == mark.text
-            and np.abs((position - (mark.x, mark.y)) / size).max() < CURVE_SAME
-            for mark in kept_marks
-        ):
-            continue
-        kept_marks.append(Mark(row["kind"], *position))
-    return kept_marks
 
 
 # --- Sweeps
