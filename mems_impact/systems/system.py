@@ -231,7 +231,7 @@ class System(HybridSystem):
         )
         sizes = arguments.sizes(typical)
         # In the user's units, in which functions and messages count.
-        problem, given = self.problem(CHECK_OPTIONS), initial is not None
+        problem = self.problem(CHECK_OPTIONS)
         check_run(
             self,
             self.definition,
@@ -239,7 +239,7 @@ class System(HybridSystem):
             self.state_space.given(problem),
             self.checks.modes,
             time=sizes.get("time"),
-            initial_given=given,
+            initial_given=initial is not None,
         )
         if sizes:
             self._typical = typical_of(
@@ -316,9 +316,10 @@ class System(HybridSystem):
         functions: dict[str, Any] = {
             "flow": definition.flow,
             "switch_transition": definition.switch_transition,
+            "period": self._period,
+            "switches": self._switches,
+            "time_scale": self._time_scale,
         }
-        functions |= {"period": self._period, "switches": self._switches}
-        functions |= {"time_scale": self._time_scale}
         for guard in definition.guards:
             for role in ("margin", "transition", "rest"):
                 functions[f"{role} of {guard.name}"] = getattr(guard, role)

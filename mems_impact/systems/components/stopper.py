@@ -286,23 +286,18 @@ class Stopper(Contact):
                     leads=ANY if rigid else str(stop.number),
                 )
             )
-        contact = tuple(stop.number for stop in self.stops)
-        if self.law is None:
-            release = GuardSpec(
-                name=f"{self.name} lets go",
-                modes=contact,
-                margin=self.reserve(names),
-                leads=str(FREE),
-            )
-        else:
+        margin, changes = self.reserve(names), dict[int, str]()
+        if self.law is not None:
+            margin = self.by_mode(names, [f"-{self.gap(names, stop)}" for stop in self.stops])
             ends = [self.geometry(names, stop)[1] for stop in self.stops]
-            release = GuardSpec(
-                name=f"{self.name} lets go",
-                modes=contact,
-                margin=self.by_mode(names, [f"-{self.gap(names, stop)}" for stop in self.stops]),
-                changes={position: self.by_mode(names, ends)},
-                leads=str(FREE),
-            )
+            changes = {position: self.by_mode(names, ends)}
+        release = GuardSpec(
+            name=f"{self.name} lets go",
+            modes=tuple(stop.number for stop in self.stops),
+            margin=margin,
+            changes=changes,
+            leads=str(FREE),
+        )
         return [*starts, release]
 
     def coefficient(self, names: CodeNames) -> str:
