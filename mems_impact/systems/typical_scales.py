@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.quantities import factors
+from mems_impact._util.quantities import base_powers, factors
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import InvalidParameter, ScaleWarning
 from mems_impact.hybrid.definition import (
@@ -136,21 +137,10 @@ def _warn(problem: str, sizes: Mapping[str, float]) -> None:
 
 # --- Scales of variables from typical magnitudes by name or unit
 
-# Derived SI units as powers of base units.
+# Derived SI units as powers of base units, without angles.
 DERIVED: dict[str, dict[str, int]] = {
-    "rad": {},
-    "Hz": {"s": -1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "Pa": {"kg": 1, "m": -1, "s": -2},
-    "J": {"kg": 1, "m": 2, "s": -2},
-    "W": {"kg": 1, "m": 2, "s": -3},
-    "C": {"A": 1, "s": 1},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-    "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
-    "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
-    "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
-    "T": {"kg": 1, "s": -2, "A": -1},
-    "Wb": {"kg": 1, "m": 2, "s": -2, "A": -1},
+    unit: {base: power for base, power in base_powers(unit).items() if base != "rad"}
+    for unit in ("rad", "Hz", "N", "Pa", "J", "W", "C", "V", "ohm", "F", "H", "T", "Wb")
 }
 
 
@@ -217,12 +207,7 @@ def typical_of(
         guard.name: _size_of_margin(definition, guard, result.states, start, values)
         for guard in definition.guards
     }
-    return Typical(
-        states=result.states,
-        parameters=result.parameters,
-        time=result.time,
-        margins=tuple(margins.items()),
-    )
+    return replace(result, margins=tuple(margins.items()))
 
 
 def _size_of_margin(
@@ -242,17 +227,11 @@ def _size_of_margin(
     for j, size in enumerate(sizes):
         ends = []
         for sign in (-0.5, 0.5):
-            y = [value + sign * size * (i == j) for i, value in enumerate(start)]
-            state = y if writes_into_arrays(definition.flow) else None
+            y: Any = [value + sign * size * (i == j) for i, value in enumerate(start)]
+            if not writes_into_arrays(definition.flow):
+                y = named_tuple("State", definition.states)(*y)
             try:
-                ends.append(
-                    guard.margin(
-                        mode,
-                        0.0,
-                        named_tuple("State", definition.states)(*y) if state is None else state,
-                        p,
-                    )
-                )
+                ends.append(guard.margin(mode, 0.0, y, p))
             except (ArithmeticError, ValueError):
                 return 1.0
         total += abs(ends[1] - ends[0])
