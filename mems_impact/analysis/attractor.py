@@ -359,8 +359,9 @@ class _Classifier:
         self._batch, self._options, self._numbers = batch, options, numbers
         self._watch, self._system = watch, batch[0][0].system
         self._impacts = [i for i, guard in enumerate(self._system.automaton.guards) if guard.impact]
-        rtol = CLASSIFICATION_RTOL if recurrence.exponents == "unsettled" else 0.0
-        self._exponents = _Exponents(rtol)
+        # Of run and perturbations of exponents, if it is above that of the problem.
+        self._rtol = CLASSIFICATION_RTOL if recurrence.exponents == "unsettled" else 0.0
+        self._stretching: LyapunovIntegrator | None = None  # of all points, by one engine
 
     def attractors(
         self,
@@ -411,8 +412,8 @@ class _Classifier:
                 recurrence.exponents == "unsettled" and motion == UNSETTLED
             ):
                 with self._at_point(i):
-                    exponent, error, length = self._exponents.largest(
-                        self._batch[i][1], instant, exponent_periods, self._progress
+                    exponent, error, length = self._exponent(
+                        self._batch[i][1], instant, exponent_periods
                     )
                 if motion == UNSETTLED:
                     motion = self._by_exponent(exponent, error, length, states, bool(quiet[k]))
@@ -431,10 +432,31 @@ class _Classifier:
             )
         return result
 
-    def _progress(self, _: float) -> None:
-        """Let the user interrupt an exponent, which takes long."""
-        if self._watch is not None:
-            self._watch(0.0)
+    def _exponent(
+        self, problem: Problem, start: HybridState, periods: int
+    ) -> tuple[float, float, int]:
+        """Return the largest exponent per period, its error and the periods it took.
+
+        NaN if the run fails.
+        """
+        options = problem.options
+        looser = max(1.0, self._rtol / options.rtol)
+        options = replace(options, rtol=looser * options.rtol, atol=looser * options.atol)
+        problem = replace(problem, options=options)
+        try:
+            if self._stretching is None:
+                self._stretching = LyapunovIntegrator(problem, start, chunk=EXPONENT_CHUNK)
+            else:
+                self._stretching.restart(problem, start)
+            return largest(
+                self._stretching,
+                tolerance=ZERO_EXPONENT,
+                sure=SIGNIFICANCE,
+                periods=periods,
+                progress=self._watch or (lambda _: None),  # lets the user interrupt it
+            )
+        except (RunError, FunctionError):
+            return math.nan, math.nan, 0
 
     def _at_point(self, i: int) -> AbstractContextManager[object]:
         """Return the context of warnings of a point."""
@@ -508,43 +530,6 @@ def _is_near_return(system: HybridSystem, states: Floats) -> bool:
     return bool(distances.min(initial=math.inf) < NEAR_RETURN)
 
 
-class _Exponents:
-    """Largest exponents of points that share an automaton, by the same engine.
-
-    `rtol` is for run and perturbations, if it is above that of the problem.
-    """
-
-    def __init__(self, rtol: float) -> None:
-        self._rtol = rtol
-        self._stretching: LyapunovIntegrator | None = None
-
-    def largest(
-        self, problem: Problem, start: HybridState, periods: int, progress: Callable[[float], None]
-    ) -> tuple[float, float, int]:
-        """Return the largest exponent per period, its error and the periods it took.
-
-        NaN if the run fails. `progress` is called several times a second; it may raise.
-        """
-        options = problem.options
-        looser = max(1.0, self._rtol / options.rtol)
-        options = replace(options, rtol=looser * options.rtol, atol=looser * options.atol)
-        problem = replace(problem, options=options)
-        try:
-            if self._stretching is None:
-                self._stretching = LyapunovIntegrator(problem, start, chunk=EXPONENT_CHUNK)
-            else:
-                self._stretching.restart(problem, start)
-            return largest(
-                self._stretching,
-                tolerance=ZERO_EXPONENT,
-                sure=SIGNIFICANCE,
-                periods=periods,
-                progress=progress,
-            )
-        except (RunError, FunctionError):
-            return math.nan, math.nan, 0
-
-
 def _reason(case: InitialCondition, recurrence: RecurrenceOptions, options: Options) -> str:
     """Return why a point fails: the message of an ordinary run, which fails at the same place."""
     length = recurrence.transient + recurrence.periods
@@ -585,12 +570,8 @@ def _return_of(system: HybridSystem) -> tuple[int, int]:
         return detection.STROBOSCOPIC, 0
     if system.section is not None:
         return detection.AT_SECTION, 1
-    return detection.AT_GUARD, _guard_of(system)
-
-
-def _guard_of(system: HybridSystem) -> int:
-    """Return the first guard whose events serve as returns of a system without a section."""
+    # The first guard whose events serve as returns.
     guards = system.automaton.guards
     chosen = [i for i, guard in enumerate(guards) if not guard.records]
     impacts = [i for i in chosen if guards[i].impact]
-    return (impacts or chosen or [0])[0]
+    return detection.AT_GUARD, (impacts or chosen or [0])[0]

@@ -13,6 +13,7 @@ from mems_impact import tables
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
 from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
+from mems_impact.systems import observables
 from mems_impact.systems.base import HybridSystem
 
 if TYPE_CHECKING:
@@ -67,12 +68,12 @@ def _largest_real_part(equilibrium: Equilibrium) -> float:
 # --- Columns that vary continuously along a branch
 
 MEASURES: dict[str, Callable[[Orbit], float]] = {
-    "period": lambda orbit: orbit.period,
+    "period": observables.period,
     "largest multiplier": lambda orbit: (
         math.inf if orbit.numeric.touches else float(abs(orbit.numeric.multipliers[0]))
     ),
-    "impact speed": lambda orbit: max(orbit.impact_speeds, default=math.nan),
-    "closest approach": lambda orbit: orbit.closest_approach,
+    "impact speed": observables.impact_speed,
+    "closest approach": observables.closest_approach,
 }
 """Numbers in the row of an orbit, besides observables and states."""
 
@@ -91,14 +92,10 @@ def quantities(solution: Solution, parameter: str) -> dict[str, Callable[[], flo
     if system.forced:
         del columns["period"]
     for each in system.observables:
-        columns[each.name] = partial(_observable, solution, each.name)
+        columns[each.name] = partial(observables.observable, solution, name=each.name)
     for name in system.state_space.displayed:
         columns[name] = partial(_largest, solution, name)
     return columns
-
-
-def _observable(orbit: Orbit, name: str) -> float:
-    return orbit.observables[name]
 
 
 def _largest(orbit: Orbit, state: str) -> float:

@@ -14,6 +14,7 @@ from mems_impact.analysis.run import Run
 from mems_impact.analysis.settling import SETTLING_RTOL
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
+from mems_impact.systems.result import check_kind
 from mems_impact.systems.settling import CHANGING, FLUCTUATING, SETTLED
 
 __all__ = ["steady_state"]
@@ -61,8 +62,7 @@ def steady_state(run: Run, *, progress: bool | Callable[[float], None] = False) 
     >>> run.settling.kind, mi.steady_state(run).settling.kind
     ('changing', 'settled')
     """
-    if not isinstance(run, Run):
-        raise InvalidParameter("run", run, "a Run (see simulate)")
+    check_kind(run, "run", Run, "a Run, as mems_impact.simulate returns it")
     first, last = run.window
     measured, begin = last - first, run.extent[0] * run.unit
     done = last - begin

@@ -23,7 +23,6 @@ from mems_impact.orbits.equilibrium import find_equilibrium
 from mems_impact.orbits.newton import Linearized
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.orbits.symmetry import SignSymmetry, equilibrium_symmetries, orbit_symmetries
-from mems_impact.systems.base import HybridSystem
 
 __all__ = ["Symmetry", "symmetries"]
 
@@ -194,23 +193,15 @@ def symmetries(solution: Orbit | Equilibrium) -> tuple[Symmetry, ...]:
         result = equilibrium_symmetries(solution.numeric)
     else:
         raise InvalidParameter("solution", solution, "an Orbit or an Equilibrium")
-    return tuple(symmetry_of(solution.system, each) for each in result)
-
-
-def symmetry_of(system: HybridSystem, symmetry: SignSymmetry) -> Symmetry:
-    """Return a symmetry of `orbits` as a `Symmetry`."""
-    signs = dict(zip(system.states, symmetry.signs, strict=True))
-    return Symmetry(signs=signs, half_period=symmetry.half_period, numeric=symmetry)
-
-
-def broken_symmetry(
-    special: Orbit | Equilibrium, neighbour: Orbit | Equilibrium
-) -> Symmetry | None:
-    """Return a symmetry that keeps a branch point and not a neighbouring solution; else None."""
-    for each in symmetries(special):
-        if each.keeps(special) and not each.keeps(neighbour):
-            return each
-    return None
+    states = solution.system.states
+    return tuple(
+        Symmetry(
+            signs=dict(zip(states, each.signs, strict=True)),
+            half_period=each.half_period,
+            numeric=each,
+        )
+        for each in result
+    )
 
 
 def symmetry_of_halves(
@@ -222,10 +213,10 @@ def symmetry_of_halves(
     """
     evaluations = [_evaluation(each) for each in solutions]
     for special in specials:
-        beside = nearest_beside(_evaluation(special), evaluations)
-        symmetry = broken_symmetry(special, solutions[beside])
-        if symmetry is not None:
-            return symmetry
+        neighbour = solutions[nearest_beside(_evaluation(special), evaluations)]
+        for each in symmetries(special):
+            if each.keeps(special) and not each.keeps(neighbour):
+                return each
     return None
 
 

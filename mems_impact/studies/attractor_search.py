@@ -97,12 +97,15 @@ class AttractorSearch:
 
     def fresh(self, value: float, times: int = 0) -> list[State]:
         """Return states of the box that violate no guard, others for each number of `times`."""
+        from scipy.stats import qmc  # imported on first use, since it is slow
+
         states: list[State] = []
-        first = 4 * self.starts * (self.grid.index(value) + times * len(self.grid))
-        for number in range(first, first + 4 * self.starts):
+        candidates = 4 * self.starts
+        first = candidates * (self.grid.index(value) + times * len(self.grid))
+        sequence = qmc.Halton(len(self.box), scramble=False).fast_forward(first + 1)
+        for part in sequence.random(candidates).tolist():
             if len(states) == self.starts:
                 break
-            part = _halton(number, len(self.box))
             values = {
                 name: low + share * (high - low)
                 for (name, (low, high)), share in zip(self.box.items(), part, strict=True)
@@ -205,20 +208,6 @@ class AttractorSearch:
             final=run.final,
             states=late if unsettled else late[-1:],
         )
-
-
-def _halton(number: int, size: int) -> list[float]:
-    """Return a point of the Halton sequence."""
-    primes = [n for n in range(2, 6 * size + 8) if all(n % k for k in range(2, n))]
-    point = []
-    for base in primes[:size]:
-        share, part, rest = 0.0, 1.0, number + 1
-        while rest:
-            rest, digit = divmod(rest, base)
-            part /= base
-            share += digit * part
-        point.append(share)
-    return point
 
 
 def attractor_table(
