@@ -74,9 +74,8 @@ def command(ctx: click.Context, /, output: Callable[[str], Output], **options: A
         if not len(result.orbit.impacts):
             warn("the orbit has no impacts; to find one with impacts, start with --initial v2=…")
         if not result.converged:
-            write_message(
-                f"first-order optimality not reached: {result.ended}{_constraint_suffix(result)}"
-            )
+            active = f" ({'; '.join(result.active)})" if result.active else ""
+            write_message(f"first-order optimality not reached: {result.ended}{active}")
             ctx.exit(FAILED)
 
 
@@ -104,8 +103,3 @@ def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
     )
     show("\nMargins to the next bifurcations:")
     show_table("margins", with_units_in(margins, "parameter", system.units.shown), digits=6)
-
-
-def _constraint_suffix(best: mi.Optimum) -> str:
-    """Return the active constraints of an optimum, to be added to a sentence."""
-    return f" ({'; '.join(best.active)})" if best.active else ""

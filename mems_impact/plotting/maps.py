@@ -452,25 +452,19 @@ def _curves(boundaries: Any, x: str, y: str) -> Iterator[Line]:
         raise _no_boundary(boundaries, x, y)
     for each in curves:
         table = each if isinstance(each, pd.DataFrame) else getattr(each, "table", None)
-        if not isinstance(table, pd.DataFrame):
+        table = without_units(table) if isinstance(table, pd.DataFrame) else None
+        if table is None or not {x, y} <= set(table.columns):
             raise _no_boundary(each, x, y)
-        table = without_units(table)
-        if not {x, y} <= set(table.columns):
-            raise _no_boundary(each, x, y)
-        if "boundary" in table:  # of a chart
+        if "boundary" in table:  # of a chart, whose first parameter is the abscissa
+            abscissa = next(name for name in table.columns if name in (x, y))
             for name, rows in table.groupby("boundary", sort=False):
-                along = rows.sort_values(_abscissa(rows, x, y))
+                along = rows.sort_values(abscissa)
                 yield Line(str(name), along[[x, y]].to_numpy(dtype=float))
         else:
             points = table[[x, y]].astype(float)
             if "admissible" in table:
                 points = points.where(table["admissible"].astype(bool))
             yield Line(getattr(each, "kind", "boundary"), points.to_numpy())
-
-
-def _abscissa(rows: pd.DataFrame, x: str, y: str) -> str:
-    """Return the parameter of a chart: its first column."""
-    return next(name for name in rows.columns if name in (x, y))
 
 
 def _no_boundary(value: Any, x: str, y: str) -> InvalidParameter:

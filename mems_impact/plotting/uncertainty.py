@@ -92,7 +92,8 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Axes:
         )  # fmt: skip
     ax.margins(0.08)
     for name, axis in ((second, ax.xaxis), (first, ax.yaxis)):
-        label_axis(axis, label_of(table, name)._replace(suffix=f"\n{_better(aims[name])}"))
+        better = "more" if aims[name] == "maximize" else "less"
+        label_axis(axis, label_of(table, name)._replace(suffix=f"\n{better} is better"))
     ax.grid(color=guide, alpha=0.25, linewidth=0.4)
     legend_above(ax)
     return ax
@@ -102,10 +103,6 @@ def _begin(start: Any, aims: Mapping[str, str]) -> dict[str, float]:
     """Return the aims of the initial orbit of the searches, if they have names."""
     quantities = {each.name: each for each in start.system.statistics.orbit_quantities}
     return {name: quantities[name](start) for name in aims} if set(aims) <= set(quantities) else {}
-
-
-def _better(sense: str) -> str:
-    return "more is better" if sense == "maximize" else "less is better"
 
 
 # --- Tolerance analyses

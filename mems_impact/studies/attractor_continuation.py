@@ -249,7 +249,10 @@ class AttractorContinuationStudy(Study):
         watch: Callable[[float], None] | None = None,
     ) -> tuple[Columns, Any]:
         """Compute some values of a chain; see `Study`."""
-        state, value = self._start(first) if carried is None else _restored(carried)
+        if carried is None:
+            state, value = self._start(first)
+        else:
+            state, value = state_from(*carried["state"]), carried["value"]
         rows, follows = [], []
         before = self._at(value, state, value)
         for number in range(first, last):
@@ -267,7 +270,8 @@ class AttractorContinuationStudy(Study):
                 state, value, before = attractor.final, new, attractor
         columns = {**self.measuring.columns(rows), **self.recognition.columns(rows)}
         identity = self._identity_columns(first, last)
-        return {**identity, **columns, REVERSIBLE: np.array(follows)}, _carried_state(state, value)
+        carried = {"state": state.parts(), "value": value}
+        return {**identity, **columns, REVERSIBLE: np.array(follows)}, carried
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return the rows of points that failed."""
@@ -470,12 +474,3 @@ def continue_attractors(
                 )
                 count_in(table, value, points, basins.starts, study.recognition)
     return AttractorBranches(system=system, parameter=parameter, table=table, branches=branches)
-
-
-def _carried_state(state: State, value: float) -> dict[str, Any]:
-    """Return the states from which the next part of a chain continues."""
-    return {"state": state.parts(), "value": value}
-
-
-def _restored(carried: Mapping[str, Any]) -> tuple[State, float]:
-    return state_from(*carried["state"]), carried["value"]

@@ -123,7 +123,10 @@ class AttractorMatcher:
             if motion == FAILED:
                 continue
             selected = (kind == motion) & (columns[PERIOD] == period) & (at_rest == mode)
-            reductions = {what: self._reduced(columns, what)[selected] for what in KEPT_REDUCTIONS}
+            reductions = {
+                what: np.stack([columns[f"{name} {what}"][selected] for name in self.names], axis=1)
+                for what in KEPT_REDUCTIONS
+            }
             if motion == UNSETTLED:
                 groups = _intersecting_groups(reductions["min"], reductions["max"])
             else:
@@ -132,9 +135,6 @@ class AttractorMatcher:
                 )
             labels[selected] = groups + labels.max() + 1
         return labels
-
-    def _reduced(self, columns: Columns, reduction: str) -> Floats:
-        return np.stack([columns[f"{name} {reduction}"] for name in self.names], axis=1)
 
     def _sizes(self, columns: Columns, starts: Columns) -> Floats:
         """Return the distance in each component, in its unit."""

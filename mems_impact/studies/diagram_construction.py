@@ -141,7 +141,7 @@ class DiagramBuilder:
         """Add the branches of the attractors, with all branches that emanate from them."""
         for number in range(len(self.branches)):
             self._expand(number)
-        for motion in sorted(self.motions, key=_simplest_first):
+        for motion in sorted(self.motions, key=lambda each: (each.attractor.period, each.value)):
             if motion.branch == NO_BRANCH:
                 motion.branch = self._branch_of(motion)
 
@@ -430,10 +430,6 @@ def _up_to_cover(branch: AnyBranch) -> AnyBranch:
     identities = {id(each) for each in shortened.special_points}
     special = tuple(each for each in branch.special_points if id(each.numeric) in identities)
     return replace(branch, numeric=shortened, special_points=special, ended=shortened.ended)
-
-
-def _simplest_first(motion: Motion) -> tuple[int, float]:
-    return motion.attractor.period, motion.value
 
 
 def motions_of(diagram: BifurcationDiagram) -> list[Motion]:

@@ -28,7 +28,7 @@ from mems_impact.studies.engine.executors import (
     cores,
     killed_by_its_chunk,
 )
-from mems_impact.studies.engine.store import ChunkStore, MemoryStore
+from mems_impact.studies.engine.store import ChunkStore, MemoryStore, open_store
 from mems_impact.studies.engine.study import Columns, Study
 from mems_impact.systems.state import whole
 
@@ -94,8 +94,6 @@ def _keeping(
 ) -> AbstractContextManager[ChunkStore]:
     if store is None:
         return nullcontext(MemoryStore(study, chunk))
-    from mems_impact.studies.engine.store import open_store
-
     return open_store(store, study, chunk)
 
 

@@ -65,7 +65,7 @@ def describe(system: HybridSystem, functions: Mapping[str, str]) -> dict[str, An
 
 def check_same_system(system: HybridSystem, description: Mapping[str, Any], path: str) -> None:
     """Raise InvalidParameter unless a system matches a description."""
-    if _same_parameters(system, description):
+    if tuple(system.parameters) == tuple(description["parameters"]):
         system = system.restored(
             description["parameters"], description["scales"], description.get("typical")
         )
@@ -83,10 +83,6 @@ def check_same_system(system: HybridSystem, description: Mapping[str, Any], path
         )
         if not alike:
             _refuse(field.replace("_", " "), times.tolist(), others.tolist(), path)
-
-
-def _same_parameters(system: HybridSystem, description: Mapping[str, Any]) -> bool:
-    return tuple(system.parameters) == tuple(description["parameters"])
 
 
 def _names(items: Iterable[Any]) -> list[Any]:
