@@ -337,8 +337,7 @@ def _start(
         return start
     run_length: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
     settled = simulate(system, initial=initial, options=options, **run_length)
-    final: HybridState = settled.trajectory.final
-    return final
+    return settled.trajectory.final
 
 
 def _run_to_tolerance(

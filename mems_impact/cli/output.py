@@ -58,8 +58,7 @@ class JsonDocument:
 
 
 def _document() -> JsonDocument:
-    document: JsonDocument = click.get_current_context().meta.setdefault(_KEY, JsonDocument())
-    return document
+    return click.get_current_context().meta.setdefault(_KEY, JsonDocument())
 
 
 def unit_of(table: pd.DataFrame, name: str) -> str:

@@ -8,9 +8,10 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from mems_impact import tables as diagram_tables
 from mems_impact._util.progress import Report, progress_bar
@@ -70,9 +71,6 @@ from mems_impact.systems.serialization.identity import (
 )
 from mems_impact.systems.state import State, state_from, whole
 from mems_impact.systems.statistics import CHAOTIC, OFF, PERIODIC, QUASI_PERIODIC, RESTING
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 __all__ = ["bifurcation_diagram"]
 
@@ -375,8 +373,6 @@ class DiagramBuilder:
 
     def _measure(self) -> None:
         """Measure the attractors on the section."""
-        import pandas as pd
-
         self.cloud = []
         for motion in self.motions:
             self._tick(note=f"cloud at {self.parameter} = {motion.value:.6g}")
@@ -410,8 +406,6 @@ class DiagramBuilder:
         )
 
     def _cloud_table(self) -> pd.DataFrame:
-        import pandas as pd
-
         study = self._study(self.bounds[0], self.system.initial, 1)
         table = (
             pd.concat(self.cloud, ignore_index=True) if self.cloud else frame([], study.schema, {})

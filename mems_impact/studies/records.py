@@ -70,8 +70,7 @@ class Conditions:
                 allowed = "None: the system has its forcing"
                 raise InvalidParameter("drive", drive, allowed)
             return self.model
-        system: HybridSystem = self.model.under(self.drive if drive is None else drive)
-        return system
+        return self.model.under(self.drive if drive is None else drive)
 
 
 class Prediction(NamedTuple):

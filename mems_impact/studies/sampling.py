@@ -407,8 +407,7 @@ def _distribution_identity(distribution: Any) -> dict[str, Any]:
         "args": distribution.args,
         **distribution.kwds,
     }
-    identity: dict[str, Any] = json.loads(json.dumps(content, default=np.ndarray.tolist))
-    return identity
+    return json.loads(json.dumps(content, default=np.ndarray.tolist))
 
 
 # --- Initial conditions: a grid over components of the state, or a sample

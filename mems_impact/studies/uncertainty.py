@@ -146,8 +146,6 @@ class Spread:
         bounds. A point that failed, has not settled or has no value does not meet the
         specification.
         """
-        import pandas as pd
-
         points, rows = self.points, []
         good = (points[STATUS] == OK).to_numpy()
         for name, (low, high) in self.specification.items():

@@ -378,8 +378,7 @@ class HybridSystem(SystemDescription):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the pickled state, with functions that another process can load."""
-        state: dict[str, Any] = portable(self._given)
-        return state
+        return portable(self._given)
 
     @property
     def _given(self) -> dict[str, Any]:

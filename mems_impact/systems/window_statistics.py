@@ -165,8 +165,7 @@ class TimeWindow:
         """Return the times since the start (0) or end (1) of the window."""
         at_cycle, at_time = self.instant(border)
         # Subtract whole periods as integers first, so that late instants lose no digits.
-        result: Floats = (cycle - at_cycle) * self.period + (time - at_time)
-        return result
+        return (cycle - at_cycle) * self.period + (time - at_time)
 
     def contains(self, events: Events) -> NDArray[np.bool_]:
         """Return which events lie within."""

@@ -195,8 +195,7 @@ def verb_of(kind: Any) -> Callable[..., Any]:
     if not isinstance(kind, str) or kind not in STUDY_KINDS:
         problem = f"missing, must be one of {', '.join(STUDY_KINDS)}" if kind is None else None
         raise InvalidParameter("kind", kind, f"one of {', '.join(STUDY_KINDS)}", problem=problem)
-    verb: Callable[..., Any] = resolve_name(STUDY_KINDS[kind])
-    return verb
+    return resolve_name(STUDY_KINDS[kind])
 
 
 def verb_arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[str, Any]:

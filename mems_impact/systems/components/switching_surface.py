@@ -150,5 +150,4 @@ def _with_mode(h: Callable[..., float]) -> Callable[..., float]:
     """Return h as a function of mode, time, state and parameters."""
     space: dict[str, Any] = {"h": h, "SOURCE": "def height(mode, t, y, p):\n    return h(t, y, p)"}
     exec(compile(space["SOURCE"], GENERATED, "exec"), space)
-    height: Callable[..., float] = space["height"]
-    return height
+    return space["height"]

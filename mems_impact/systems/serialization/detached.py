@@ -115,8 +115,7 @@ class DetachedStatistics(SystemStatistics):
     @property
     def sweep_columns(self) -> tuple[str, ...]:
         """The statistics in the table of a sweep."""
-        names: tuple[str, ...] = self._system.description["sweep_statistics"]
-        return names
+        return self._system.description["sweep_statistics"]
 
 
 class DetachedStateSpace(StateSpace):
@@ -127,8 +126,7 @@ class DetachedStateSpace(StateSpace):
     @property
     def displayed(self) -> tuple[str, ...]:
         """The states by which sweeps and branches display an orbit."""
-        names: tuple[str, ...] = self._system.description["displayed_states"]
-        return names
+        return self._system.description["displayed_states"]
 
     def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> NoReturn:
         """Raise FunctionsMissing."""
@@ -224,20 +222,17 @@ class DetachedSystem(HybridSystem):
     @property
     def initial(self) -> State:
         """Initial state of runs by default."""
-        initial: State = self._description["initial"]
-        return initial
+        return self._description["initial"]
 
     @property
     def section(self) -> Section | None:
         """The Poincaré section."""
-        section: Section | None = self._description["section"]
-        return section
+        return self._description["section"]
 
     @property
     def forcing_period(self) -> float | None:
         """The forcing period at the parameters of the file."""
-        period: float | None = self._description["forcing_period"]
-        return period
+        return self._description["forcing_period"]
 
     def shifted(self, values: Mapping[str, float]) -> DetachedSystem:
         """Return the system at other values."""
