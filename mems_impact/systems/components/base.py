@@ -14,7 +14,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.state import is_number
@@ -107,6 +107,16 @@ def _at(quantity: Quantity, p: Any) -> float:
         return math.nan
 
 
+class Numbered:
+    """An expression of the generated source that ends with the number of a part."""
+
+    def __init__(self, start: str) -> None:
+        self.start = start
+
+    def __get__(self, names: CodeNames, _owner: type) -> str:
+        return f"{self.start}{names.number}"
+
+
 @dataclass(frozen=True)
 class CodeNames:
     """Names in the generated source of the quantities of a part."""
@@ -122,64 +132,23 @@ class CodeNames:
     bases: Mapping[int, tuple[int, ...]]
     time_scale: str = "1.0"  # an expression
 
-    @property
-    def mode(self) -> str:
-        """The mode of the part."""
-        return f"m{self.number}"
-
-    @property
-    def last(self) -> str:
-        """The mode of the part before an event."""
-        return f"last{self.number}"
-
-    @property
-    def fired(self) -> str:
-        """Whether the event belongs to the part."""
-        return f"fired == {self.number}"
-
-    @property
-    def on(self) -> str:
-        """Whether the state lies on a surface."""
-        return f"on{self.number}"
-
-    @property
-    def room(self) -> str:
-        """The least distance of a motion from leaving the surfaces on which the state slides."""
-        return "room"
-
-    @property
-    def unlimited(self) -> str:
-        """The derivatives of the state in mode 0 of the part."""
-        return f"unlimited{self.number}"
-
-    @property
-    def back(self) -> str:
-        """Distance of the force of a holding contact from its lower limit."""
-        return f"back{self.number}"
-
-    @property
-    def front(self) -> str:
-        """Distance of the force of a holding contact from its upper limit."""
-        return f"front{self.number}"
-
-    @property
-    def needed(self) -> str:
-        """Part of the force of a holding stop that other contacts cannot bear."""
-        return f"needed{self.number}"
-
-    @property
-    def limit(self) -> str:
-        """The static limit of a friction contact."""
-        return f"limit{self.number}"
+    mode = Numbered("m")  # the mode of the part
+    last = Numbered("last")  # the mode of the part before an event
+    fired = Numbered("fired == ")  # whether the event belongs to the part
+    on = Numbered("on")  # whether the state lies on a surface
+    # The least distance of a motion from leaving the surfaces on which the state slides.
+    room: ClassVar[str] = "room"
+    unlimited = Numbered("unlimited")  # the derivatives of the state in mode 0 of the part
+    # Distances of the force of a holding contact from its lower and upper limits.
+    back, front = Numbered("back"), Numbered("front")
+    needed = Numbered("needed")  # part of the force of a holding stop that others cannot bear
+    limit = Numbered("limit")  # the static limit of a friction contact
+    # Sum of the magnitudes of the forces on all bodies connected with a contact.
+    size = Numbered("size")
 
     def rests(self, mode: int) -> str:
         """Return the variable of whether a contact could hold in a mode."""
         return f"rests{self.number}_{mode}"
-
-    @property
-    def size(self) -> str:
-        """Sum of the magnitudes of the forces on all bodies connected with a contact."""
-        return f"size{self.number}"
 
     def index(self, field: str, state: str) -> int:
         """Return the number of a state."""
