@@ -13,7 +13,7 @@ from mems_impact.studies.fit import Fit
 from mems_impact.systems.result import check_kind
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 __all__ = ["plot_fit"]
 
@@ -82,22 +82,23 @@ def _data(fit: Fit, ax: Any) -> Any:
         panels = given_axes(ax, 2 * len(groups), "two per recorded column")
     for i, ((record, quantity), rows) in enumerate(groups):
         upper, lower = panels[2 * i], panels[2 * i + 1]
-        is_event = quantity == "t"
-        x = rows["t"].to_numpy()
+        numbers = np.arange(1, len(rows) + 1)
+        x, label = rows["t"].to_numpy(), Label("t", fit.units["t"])
         if not np.isfinite(x).all():
-            x = np.arange(1, len(rows) + 1)
-        label = Label("datum") if not np.isfinite(rows["t"]).all() else Label("t", fit.units["t"])
-        if is_event:
-            y = np.arange(1, len(rows) + 1)
-            _events(upper, rows, y)
+            x, label = numbers, Label("datum")
+        if quantity == "t":
+            text = Label(f"event of record {record}" if record else "event")
+            upper.plot(
+                rows["measured"], numbers, "|", color=color("guide"), markersize=9,
+                label="measured",
+            )  # fmt: skip
+            upper.plot(rows["computed"], numbers, ".", color=color("motion"), label="fitted")
+            upper.margins(y=0.15)
         else:
+            name = f"{symbol(quantity)}{f' of {record}' if record else ''}"
+            text = Label(name, fit.units.get(quantity, ""))
             upper.plot(x, rows["measured"], ".", color=color("guide"), label="measured", zorder=2)
             upper.plot(x, rows["computed"], color=color("motion"), label="fitted", zorder=3)
-        name = f"{symbol(quantity)}{f' of {record}' if record and not is_event else ''}"
-        of_record = f" {record}" if record else ""
-        text = Label(f"event of record{of_record}" if is_event and record else "event")
-        if not is_event:
-            text = Label(name, fit.units.get(quantity, ""))
         label_axis(upper.yaxis, text)
         upper.tick_params(labelbottom=False)
         lower.sharex(upper)
@@ -108,12 +109,6 @@ def _data(fit: Fit, ax: Any) -> Any:
         label_axis(lower.xaxis, label)
     legend_above(panels[0])
     return panels[0]
-
-
-def _events(ax: Any, rows: pd.DataFrame, numbers: Any) -> None:
-    ax.plot(rows["measured"], numbers, "|", color=color("guide"), markersize=9, label="measured")
-    ax.plot(rows["computed"], numbers, ".", color=color("motion"), label="fitted")
-    ax.margins(y=0.15)
 
 
 def _ellipses(fit: Fit, ax: Any) -> Any:

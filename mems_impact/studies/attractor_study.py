@@ -53,6 +53,7 @@ __all__ = [
     "STATIONARY_STATUSES",
     "AttractorEvaluator",
     "AttractorStudy",
+    "counted_motions",
     "in_order",
     "map_summary",
     "motions",
@@ -89,6 +90,12 @@ def in_order(kinds: Iterable[str]) -> list[str]:
         return order.index(name) if name in order else len(order), period, kind
 
     return sorted(set(kinds), key=rank)
+
+
+def counted_motions(table: pd.DataFrame) -> str:
+    """Return the number of motions of each kind as text: "1 off, 3 period 1"."""
+    counts = motions(table).value_counts()
+    return ", ".join(f"{counts[kind]} {kind}" for kind in in_order(counts.index))
 
 
 def map_summary(table: pd.DataFrame) -> pd.DataFrame:

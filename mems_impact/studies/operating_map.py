@@ -17,9 +17,8 @@ from mems_impact.integrators.options import Options
 from mems_impact.studies.attractor_study import (
     AttractorEvaluator,
     AttractorStudy,
-    in_order,
+    counted_motions,
     map_summary,
-    motions,
 )
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import Columns
@@ -138,7 +137,8 @@ class OperatingMap(Result):
 
     def __repr__(self) -> str:
         size = f"{len(self.x.values)} x {len(self.y.values)}"
-        return f"OperatingMap({self.x.name}, {self.y.name}: {size} points, {self._counted()})"
+        counted = counted_motions(self.table)
+        return f"OperatingMap({self.x.name}, {self.y.name}: {size} points, {counted})"
 
     def summary(self) -> dict[str, Any]:
         """Return the varied parameters and the kinds of motions."""
@@ -148,7 +148,7 @@ class OperatingMap(Result):
             rows[self.system.units.label(each.name)] = (
                 f"{low:g} to {high:g}, {len(each.values)} values"
             )
-        return {**rows, "motions": self._counted()}
+        return {**rows, "motions": counted_motions(self.table)}
 
     @property
     def motions(self) -> pd.DataFrame:
@@ -180,10 +180,6 @@ class OperatingMap(Result):
             raise InvalidParameter("column", column, f"one of {', '.join(self.table.columns)}")
         values = self.table[column].to_numpy()
         return np.asarray(values).reshape(len(self.y.values), len(self.x.values))
-
-    def _counted(self) -> str:
-        points = motions(self.table).value_counts()
-        return ", ".join(f"{points[kind]} {kind}" for kind in in_order(points.index))
 
 
 @takes_system(start="initial")

@@ -20,8 +20,7 @@ from mems_impact.studies.attractor_study import (
     MOTION,
     AttractorEvaluator,
     AttractorStudy,
-    in_order,
-    motions,
+    counted_motions,
 )
 from mems_impact.studies.engine.scheduler import completed_study, run_study
 from mems_impact.studies.engine.study import OK, STATUS, Columns
@@ -181,11 +180,6 @@ class Spread:
         table["points"] = points.notna().sum()
         return table
 
-    def _counted(self) -> str:
-        kinds = motions(self.points)
-        counts = kinds.value_counts()
-        return ", ".join(f"{counts[kind]} {kind}" for kind in in_order(kinds))
-
 
 # --- Tolerance analysis
 
@@ -283,7 +277,7 @@ class ToleranceAnalysis(Spread, Result):
     system: HybridSystem = field(repr=False)
 
     def __repr__(self) -> str:
-        names, counted = ", ".join(self.drawn), self._counted()
+        names, counted = ", ".join(self.drawn), counted_motions(self.points)
         text = f"ToleranceAnalysis({names}: {len(self.points)} points, {counted}"
         if self.specification:
             text += f", yield {self._yield()}"
@@ -292,7 +286,7 @@ class ToleranceAnalysis(Spread, Result):
     def summary(self) -> dict[str, Any]:
         """Return the sampled quantities, the kinds of motions and the yield."""
         rows = {"system": repr(self.system), "drawn": ", ".join(self.drawn)}
-        rows |= {"points": str(len(self.points)), "motions": self._counted()}
+        rows |= {"points": str(len(self.points)), "motions": counted_motions(self.points)}
         if self.specification:
             rows["yield"] = self._yield()
         return rows

@@ -53,8 +53,8 @@ __all__ = [
 # --- Stoppable threads
 
 
-class _ThreadStopped(Exception):
-    """Exception that ends a run whose result is no longer needed."""
+class _Stopped(Exception):
+    """Exception that ends a run or a chunk whose result is no longer needed."""
 
 
 @contextmanager
@@ -68,7 +68,7 @@ def stoppable_threads(workers: int) -> Iterator[tuple[ThreadPoolExecutor, Watch]
 
     def watch(_: float) -> None:
         if stop.is_set():
-            raise _ThreadStopped
+            raise _Stopped
 
     with ThreadPoolExecutor(workers) as executor:
         try:
@@ -96,10 +96,6 @@ class ExecutorLost(Exception):
     def __init__(self, reason: str, remedy: str = "") -> None:
         super().__init__(reason)
         self.remedy = remedy
-
-
-class _Stopped(Exception):
-    """Exception that ends a chunk whose result is no longer needed."""
 
 
 def cores() -> int:
