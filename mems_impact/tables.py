@@ -54,7 +54,7 @@ __all__ = [
     "merged_columns",
     "name_of",
     "number_column",
-    "parameter_columns",
+    "row_table",
     "samples",
     "section",
     "segments",
@@ -132,6 +132,17 @@ def table(
         **attributes,
     }
     return result
+
+
+def row_table(
+    headings: Mapping[str, type], rows: Sequence[Sequence[Any]], labels: Labels, **attributes: Any
+) -> pd.DataFrame:
+    """Return a table of rows in the units of the system; columns keep their types without rows."""
+    columns: dict[str, NDArray[Any]] = {
+        name: np.array([row[i] for row in rows], dtype=kind)
+        for i, (name, kind) in enumerate(headings.items())
+    }
+    return table({}, labels, user_columns=columns, **attributes)
 
 
 def captions(labels: Labels) -> dict[str, Any]:

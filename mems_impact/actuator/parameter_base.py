@@ -54,6 +54,7 @@ __all__ = [
     "OptionalPositive",
     "Positive",
     "Unit",
+    "Varied",
     "limits_of",
     "unknown",
 ]
@@ -265,6 +266,60 @@ class Checked(BaseModel, metaclass=_Kind):
 
     # `copy.replace` (Python 3.13) comes this way; pydantic's own version checks nothing.
     __replace__ = replace
+
+
+class Varied(Checked):
+    """Base of parameter objects whose numbers vary by name, nested ones as ``wave.omega``."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the numbers that can be varied."""
+        result: list[str] = []
+        for name in type(self).model_fields:
+            value = getattr(self, name)
+            if isinstance(value, float):
+                result.append(name)
+            elif isinstance(value, Varied):
+                result += [f"{name}.{nested}" for nested in value.names]
+        return tuple(result)
+
+    def number(self, name: str) -> float:
+        """Return the number with a name, one of `names`."""
+        owner, _, nested = name.partition(".")
+        value = getattr(self, owner)
+        return value.number(nested) if nested else value
+
+    def unit(self, name: str) -> str:
+        """Return the SI unit of a number, empty if dimensionless."""
+        owner, _, nested = name.partition(".")
+        return getattr(self, owner).unit(nested) if nested else self.unit_of(name)
+
+    def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:
+        """Return a copy with some numbers changed.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            New values, by one of `names` each.
+        checked : bool, optional
+            If False, values out of range are accepted, as finite differences need them.
+
+        Raises
+        ------
+        InvalidParameter
+            If a value is not allowed.
+        """
+        changes: dict[str, Any] = {}
+        nested_changes: dict[str, dict[str, float]] = {}
+        for name, value in values.items():
+            owner, _, nested = name.partition(".")
+            if nested:
+                nested_changes.setdefault(owner, {})[nested] = value
+            else:
+                changes[name] = value
+        for owner, nested_values in nested_changes.items():
+            changes[owner] = getattr(self, owner).varied(nested_values, checked=checked)
+        return self.replace(**changes) if checked else self.replace_unchecked(**changes)
 
 
 def _unnamed(

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from mems_impact._util.formatting import html_table, shown
+from mems_impact._util.formatting import html_table
 from mems_impact._util.quantities import quantities
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.geometry.geometry import PREFIX, Geometry
+from mems_impact.actuator.model import bounds_of
 from mems_impact.actuator.parameter_base import Checked, Fraction, NonNegative, Positive
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.files import term_with
@@ -82,18 +83,26 @@ class ActuatorParameters(Checked):
 
     @model_validator(mode="after")
     def _check_pairs(self) -> Self:
-        if not self.delta < self.d:
-            unit = " m" if self.units == "SI" else ""
-            allowed = f"between 0 and d = {shown(self.d)}{unit} (exclusive)"
-            raise InvalidParameter("delta", self.delta, allowed)
-        if not self.mu_d <= self.mu_s:
-            allowed = f"between 0 and mu_s = {shown(self.mu_s)}"
-            raise InvalidParameter("mu_d", self.mu_d, allowed)
         for term in self.terms:
             term.check_on(self)
+        self._check_bounds()
         if self.geometry is not None and self.units == "dimensionless":
             raise InvalidParameter("geometry", None, "", problem="in SI, but the device is not")
         return self
+
+    def _check_bounds(self) -> None:
+        """Raise InvalidParameter if a number is beyond a bound that others set."""
+        p = [*self.to_array().tolist()]
+        p += (number for term in self.terms for number in term.numbers(DIMENSIONLESS))
+        for bound in bounds_of([term.kind for term in self.terms]):
+            owner, _, name = bound.name.rpartition(".")
+            term = self.term(owner)
+            number = getattr(term or self, name)
+            if not bound.holds(number, p):
+                unit = (term or self).unit_of(name) if self.units == "SI" else ""
+                limit = f"{bound.value(p):.9g} {unit}".rstrip()
+                allowed = f"{bound.sign} {limit}, {bound.meaning}"
+                raise InvalidParameter(bound.name, number, allowed)
 
     def __iter__(self) -> Any:
         # Iteration and dict() omit terms and geometry if there are none, as in the paper's device.

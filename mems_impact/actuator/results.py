@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
@@ -26,14 +26,7 @@ from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
 from mems_impact.hybrid.simulation import Events
 from mems_impact.systems.result import SummaryRepr
-from mems_impact.tables import (
-    Labels,
-    category_column,
-    parameter_columns,
-    table,
-    texts,
-    time_columns,
-)
+from mems_impact.tables import Labels, category_column, table, time_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,13 +37,7 @@ __all__ = [
     "ActuatorOrbit",
     "ActuatorRun",
     "BlowStatistics",
-    "chart",
-    "chart_points",
-    "chart_types",
-    "duty",
     "impacts",
-    "load",
-    "swings",
 ]
 
 # --- Tables of actuators
@@ -106,72 +93,6 @@ def blows(
         "displacement": displacement,
     }
     return table(columns, labels)
-
-
-def chart(
-    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
-) -> pd.DataFrame:
-    """Return one row per point of a boundary: boundary, the `parameters`, type, kind."""
-    columns = {
-        "boundary": texts(row["boundary"] for row in rows),
-        **parameter_columns(parameters, rows),
-        "type": texts(row["type"] for row in rows),
-        "kind": texts(row["kind"] for row in rows),
-    }
-    return table({}, labels, user_columns=columns, symbols=dict(labels.units.symbols))
-
-
-def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:
-    """Return one row per type: type, grazing, `parameter` from and to, on, off."""
-    columns = {
-        "type": texts(row["type"] for row in rows),
-        "grazing": texts(row["grazing"] for row in rows),
-        **parameter_columns((f"{parameter} from", f"{parameter} to"), rows),
-        "on": texts(row["on"] for row in rows),
-        "off": texts(row["off"] for row in rows),
-    }
-    return table({}, labels, user_columns=columns)
-
-
-def chart_points(
-    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
-) -> pd.DataFrame:
-    """Return one row per point of codimension two: kind and the `parameters`."""
-    columns = {"kind": texts(row["kind"] for row in rows), **parameter_columns(parameters, rows)}
-    return table({}, labels, user_columns=columns)
-
-
-def load(rows: Sequence[tuple[float, float, float, str]], labels: Labels) -> pd.DataFrame:
-    """Return one row per load: displacement, mean speed and its error, power, motion.
-
-    Rows have the load, the displacement per period and its error, in device units, and the motion.
-    """
-    force, moved, error = np.array([row[:3] for row in rows], dtype=float).reshape(-1, 3).T
-    period = float(labels.forcing_period)  # type: ignore[attr-defined]
-    columns = {
-        "load": force,
-        "displacement per period": moved,
-        "mean speed": moved / period,
-        "mean speed error": error / period,
-        "power": force * moved / period,
-        "does": [row[3] for row in rows],
-    }
-    return table({}, labels, user_columns=columns)
-
-
-def duty(modes: Sequence[str], shares: Floats, period: float, labels: Labels) -> pd.DataFrame:
-    """Return one row per mode: its fraction of time, and its time per period."""
-    return table(
-        {"time": shares * period}, labels, user_columns={"mode": list(modes), "share": shares}
-    )
-
-
-def swings(t: Floats, amplitude: Floats, labels: Labels) -> pd.DataFrame:
-    """Return one row per cycle of the block: time, and half the peak-to-peak deflection."""
-    result = table({"t": t, "x2": amplitude}, labels).rename(columns={"x2": "amplitude"})
-    units = result.attrs["units"]
-    result.attrs["units"] = {"amplitude" if name == "x2" else name: units[name] for name in units}
-    return result
 
 
 def _stopper(impacts: Events) -> Any:

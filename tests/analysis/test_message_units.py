@@ -110,7 +110,7 @@ def test_reasons_in_rows(swinging):
     ).table  # fmt: skip
     for status in table["status"]:
         assert " m" in status
-    assert "between 0 and d = 5e-06 m (exclusive)" in table["status"].iloc[1]
+    assert "must be < 5e-06 m, the gap d" in table["status"].iloc[1]
 
 
 def test_a_period_is_in_the_users_time():

@@ -36,7 +36,7 @@ def test_the_words_of_the_page_are_apart_from_parameters():
         ({"amplitude": ["1e999"]}, "must be a finite number"),
         ({"amplitude": ["0.2", "0.3"]}, "amplitude: given 2 times, not once"),
         ({"e": ["2"]}, "e = 2: must be a finite number >= 0 and <= 1"),
-        ({"delta": ["1.5"]}, "delta = 1.5: must be between 0 and d = 1 (exclusive)"),
+        ({"delta": ["1.5"]}, "delta = 1.5: must be < 1, the gap d"),
         ({"frobnicate": ["1"]}, "frobnicate: none of amplitude, omega"),
         ({"show.periods": ["1e9"]}, "show.periods = 1000000000: must be between 1 and 1000"),
         ({"show.x": ["__class__"]}, "must be one of x1, v1, x2, v2, t"),

@@ -409,7 +409,7 @@ BOUNDED = {
             "spring",
             [
                 ("delta", 3e-6, 3.1e-6, "must be <= 3e-06 m, where the table of tabulated_sp"),
-                ("k", 1.005 * MITA.k, 1.02 * MITA.k, "the stiffness of the table at x2 = 0"),
+                ("k", 1.005 * MITA.k, 1.02 * MITA.k, "within 1 % of the stiffness of the table"),
             ],
         ),
         ("capacitance", [("delta", 3e-6, 3.1e-6, "the table of tabulated_capacitance ends")]),

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mems_impact.actuator import results
 from mems_impact.actuator.automaton import direction_of, side_of
 from mems_impact.actuator.design.energy import arcs_of_orbit, arcs_of_run
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.result import Result
+from mems_impact.tables import row_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,7 +114,9 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
     shares = lasted / (last - first)
     slips, sides = np.array([[direction_of(mode), side_of(mode)] for mode in range(len(modes))]).T
     indices = np.flatnonzero(shares)
-    table = results.duty([modes[mode] for mode in indices], shares[indices], period, motion.system)
+    duration = float(motion.system.forcing_period)
+    rows = [(modes[mode], shares[mode], shares[mode] * duration) for mode in indices]
+    table = row_table({"mode": str, "share": float, "time": float}, rows, motion.system)
     return DutyCycle(
         flying=float(shares[sides == 0].sum()),
         in_contact=float(shares[sides != 0].sum()),

@@ -13,7 +13,6 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.bisection import bisect
 from mems_impact._util.progress import progress_bar
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator import results
 from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.automaton import direction_of
 from mems_impact.actuator.design.energy import accounted_problem
@@ -30,6 +29,7 @@ from mems_impact.errors import Interrupted, InvalidParameter, RunError
 from mems_impact.integrators.options import Options
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
+from mems_impact.tables import row_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -181,8 +181,15 @@ def force_curve(
     motions: list[LoadedMotion] = []
 
     def table() -> pd.DataFrame:
-        rows = zip(values.tolist(), motions, strict=False)
-        return results.load([(load, *motion[:3]) for load, motion in rows], system)
+        columns = dict.fromkeys(
+            ("load", "displacement per period", "mean speed", "mean speed error", "power"), float
+        )
+        period = float(system.forcing_period)
+        rows = [
+            (load, moved, moved / period, error / period, load * moved / period, does)
+            for load, (moved, error, does, _) in zip(values.tolist(), motions, strict=False)
+        ]
+        return row_table({**columns, "does": str}, rows, system)
 
     with progress_bar(progress, "loads", values.size, "load curve") as show:
         try:

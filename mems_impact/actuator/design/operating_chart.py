@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from mems_impact.actuator import results
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.special_points import CodimensionTwo, GrazingType
 from mems_impact.systems.result import Result
+from mems_impact.tables import row_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -105,42 +105,37 @@ class OperatingChart(Result):
         impacts), omega or frequency, amplitude, type of the paper (I, II, III; none if the frame
         slips first), kind of bifurcation (grazing, fold, crisis, break-away, …).
         """
+        out = self.system.units.out
+        headings = {
+            "boundary": str,
+            **dict.fromkeys(self.parameters, float),
+            "type": str,
+            "kind": str,
+        }
         rows = [
-            {
-                "boundary": boundary,
-                "values": tuple(map(self.system.units.out, self.parameters, point)),
-                "type": region.paper if region is not None else "",
-                "kind": kind,
-            }
+            (boundary, *map(out, self.parameters, point), region.paper if region else "", kind)
             for boundary, region, kind, points in self.pieces
             for point in points
         ]
-        return results.chart(self.parameters, rows, self.system)
+        return row_table(headings, rows, self.system, symbols=dict(self.system.units.symbols))
 
     @cached_property
     def types(self) -> pd.DataFrame:
         """One row per type: its range, and the kinds of its boundaries."""
         kinds = {(boundary, region): kind for boundary, region, kind, _ in self.pieces}
+        out, ends = self.system.units.out, (f"{self._name} from", f"{self._name} to")
+        headings = {"type": str, "grazing": str, **dict.fromkeys(ends, float), ON: str, OFF: str}
         rows = [
-            {
-                "type": region.paper,
-                "grazing": str(region),
-                "values": (
-                    self.system.units.out(self._name, low),
-                    self.system.units.out(self._name, high),
-                ),
-                ON: kinds.get((ON, region), ""),
-                OFF: kinds.get((OFF, region), ""),
-            }
+            (
+                region.paper, str(region), out(self._name, low), out(self._name, high),
+                kinds.get((ON, region), ""), kinds.get((OFF, region), ""),
+            )
             for region, low, high in self.regions
-        ]
-        return results.chart_types(self._name, rows, self.system)
+        ]  # fmt: skip
+        return row_table(headings, rows, self.system)
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
         """One row per point of codimension two: kind, omega or frequency, amplitude."""
-        rows = [
-            {"kind": s.kind, "values": (s.values[self._name], s.values[AMPLITUDE])}
-            for s in self.special_points
-        ]
-        return results.chart_points(self.parameters, rows, self.system)
+        rows = [(s.kind, s.values[self._name], s.values[AMPLITUDE]) for s in self.special_points]
+        return row_table({"kind": str, **dict.fromkeys(self.parameters, float)}, rows, self.system)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 
 from mems_impact._util.arrays import Floats
-from mems_impact.actuator import results
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.equations import V1, V2, X2
 from mems_impact.actuator.impact_statistics import is_impact, is_release, is_slipping
@@ -30,6 +29,7 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, state_from
+from mems_impact.tables import table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -203,9 +203,18 @@ def ring_down(
         quality=0.5 / ratio,
         time_constant=float(free_system.units.scales.out(swing / decrement, "s")),
         time=float(free_system.units.scales.out(begin + reached, "s")),
-        table=results.swings(begin + t, amplitude, free_system),
+        table=swing_table(begin + t, amplitude, free_system),
         si=free_system.units.scales.named,
     )
+
+
+def swing_table(t: Floats, amplitude: Floats, system: ActuatorSystem) -> pd.DataFrame:
+    """Return one row per cycle: time, and amplitude, in the units of a deflection."""
+    result = table({"t": t, "x2": amplitude}, system)
+    result.attrs["units"] = {
+        name.replace("x2", "amplitude"): unit for name, unit in result.attrs["units"].items()
+    }
+    return result.rename(columns={"x2": "amplitude"})
 
 
 def slow_decay(

@@ -16,7 +16,7 @@ from pydantic import model_validator
 
 from mems_impact._util.quantities import quantity
 from mems_impact._util.units import DIMENSIONLESS, Scales
-from mems_impact.actuator.parameter_base import TEXTS, Checked
+from mems_impact.actuator.parameter_base import TEXTS, Varied
 from mems_impact.actuator.units import DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import ProblemParameters
@@ -32,7 +32,7 @@ CHANNELS: tuple[Channel, ...] = ("right", "left", "clamp")
 Waveform = Callable[[float, NDArray[np.float64]], float]
 
 
-class Drive(Checked, ABC):
+class Drive(Varied, ABC):
     """Base of voltage waveforms v(t).
 
     A new waveform is a subclass that declares its parameters as pydantic fields (with the number
@@ -282,54 +282,10 @@ class Drive(Checked, ABC):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the numbers that can be varied; in a nested drive as ``wave.omega``."""
-        result: list[str] = []
-        for name in type(self).model_fields:
-            value = getattr(self, name)
-            if name == "omega" and getattr(self, "frequency", None) is not None:
-                result.append("frequency")
-            elif isinstance(value, float) and name not in result:
-                result.append(name)
-            elif isinstance(value, Drive):
-                result += [f"{name}.{nested}" for nested in value.names]
-        return tuple(result)
-
-    def number(self, name: str) -> float:
-        """Return the number with a name, one of `names`."""
-        owner, _, nested = name.partition(".")
-        value = getattr(self, owner)
-        return value.number(nested) if nested else value
-
-    def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:
-        """Return a copy with some numbers changed.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            New values, by one of `names` each.
-        checked : bool, optional
-            If False, values out of range are accepted, as finite differences need them.
-
-        Raises
-        ------
-        InvalidParameter
-            If a value is not allowed.
-        """
-        changes: dict[str, Any] = {}
-        nested_changes: dict[str, dict[str, float]] = {}
-        for name, value in values.items():
-            owner, _, nested = name.partition(".")
-            if nested:
-                nested_changes.setdefault(owner, {})[nested] = value
-            else:
-                changes[name] = value
-        for owner, nested_values in nested_changes.items():
-            changes[owner] = getattr(self, owner).varied(nested_values, checked=checked)
-        return self.replace(**changes) if checked else self.replace_unchecked(**changes)
-
-    def unit(self, name: str) -> str:
-        """Return the SI unit of a number, empty if dimensionless."""
-        owner, _, nested = name.partition(".")
-        return getattr(self, owner).unit(nested) if nested else self.units.get(name, "")
+        names = super().names
+        if getattr(self, "frequency", None) is None:
+            return names
+        return tuple("frequency" if n == "omega" else n for n in names if n != "frequency")
 
     @abstractmethod
     def parameters(self) -> NDArray[np.float64]:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple
 
-from mems_impact.actuator.parameter_base import Checked, NonNegative, Number, Positive, Unit
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit, Varied
 from mems_impact.actuator.terms.comb_drive import PERMITTIVITY
 from mems_impact.actuator.terms.squeeze_film import rarefaction
 from mems_impact.errors import InvalidParameter
@@ -36,7 +36,7 @@ class Finding(NamedTuple):
     """Limit of the value, beyond which the model ends."""
 
 
-class Process(Checked):
+class Process(Varied):
     """The process and the gas; see `Geometry`."""
 
     thickness: Annotated[Positive, Unit("m")]
@@ -80,7 +80,7 @@ class Process(Checked):
         return self.viscosity / (1.0 + 2.0 * self.free_path_pressure / self.pressure / gap)
 
 
-class DrawnPart(Checked, ABC):
+class DrawnPart(Varied, ABC):
     """Base of the parts of a `Geometry`, each kind in its own file."""
 
     units: ClassVar[Mapping[str, str]] = {}
@@ -104,10 +104,6 @@ class DrawnPart(Checked, ABC):
         if not width > 0.0:
             allowed = f"above twice the undercut of {process.undercut:g} m"
             raise InvalidParameter(f"{self.kind()}.{name}", getattr(self, name), allowed)
-
-    def varied(self, values: Mapping[str, float]) -> Self:
-        """Return a copy with some numbers changed, without validation."""
-        return self.replace_unchecked(**values)
 
     def table(self) -> dict[str, Any]:
         """Return the part as a table of a file."""

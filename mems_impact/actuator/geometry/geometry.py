@@ -155,38 +155,21 @@ class Geometry(Process):
     @property
     def numbers(self) -> dict[str, float]:
         """Numbers of process, springs and fingers, by the names of parameters."""
-        return dict(self._numbers(lambda owner, name: getattr(owner, name)))
+        return {f"{PREFIX}{name}": self.number(name) for name in self.names}
 
     @property
     def number_units(self) -> dict[str, str]:
         """SI units of `numbers`."""
-        return dict(self._numbers(lambda owner, name: type(owner).unit_of(name)))
+        return {f"{PREFIX}{name}": self.unit(name) for name in self.names}
 
-    def _numbers(self, get: Any) -> Iterator[tuple[str, Any]]:
-        for name in type(self).model_fields:
-            value = getattr(self, name)
-            if isinstance(value, float):
-                yield f"{PREFIX}{name}", get(self, name)
-            elif isinstance(value, DrawnPart):
-                for inner in type(value).model_fields:
-                    if isinstance(getattr(value, inner), float):
-                        yield f"{PREFIX}{name}.{inner}", get(value, inner)
-
-    def varied(self, values: Mapping[str, Any], *, checked: bool = True) -> Self:
-        """Return a copy with some numbers changed, out of range only if not `checked`."""
-        changes: dict[str, Any] = {}
-        for name, value in values.items():
+    def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:
+        """Return a copy with some numbers changed, by the names of parameters."""
+        for name in values:
             if name not in self.numbers:
                 allowed = f"one of {', '.join(self.numbers)}"
                 raise InvalidParameter("parameter", name, allowed)
-            owner, dot, inner = name.removeprefix(PREFIX).partition(".")
-            if dot:
-                part = changes.get(owner, getattr(self, owner))
-                vary = part.replace if checked else part.replace_unchecked
-                changes[owner] = vary(**{inner: value})
-            else:
-                changes[owner] = value
-        return self.replace(**changes) if checked else self.replace_unchecked(**changes)
+        own = {name.removeprefix(PREFIX): value for name, value in values.items()}
+        return super().varied(own, checked=checked)
 
     # --- Numbers of the device
 

@@ -22,15 +22,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.formatting import shown
 from mems_impact._util.limits import Bound
-from mems_impact._util.units import DIMENSIONLESS, Scales
+from mems_impact._util.units import Scales
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.parameter_base import Checked
+from mems_impact.actuator.parameter_base import Varied
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.units import scaled_fields, unscaled_fields
-from mems_impact.errors import InvalidParameter, ValidityWarning
+from mems_impact.errors import ValidityWarning
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
@@ -54,7 +53,6 @@ __all__ = [
     "drive_unit",
     "field_energy",
     "is_compliant",
-    "reach",
     "reach_function",
 ]
 
@@ -240,7 +238,7 @@ class TermKind(NamedTuple):
         return ParameterIndices(parameters, states or {})
 
 
-class Term(Checked, ABC):
+class Term(Varied, ABC):
     """Base class of optional terms of an actuator's model: ``actuator.adding(Tilt(angle=0.1))``.
 
     A term is a subclass in its own file in `mems_impact.actuator.terms`, named like the file, which
@@ -319,12 +317,6 @@ class Term(Checked, ABC):
         return sides in ("both", "right" if side > 0 else "left")
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the numbers that can be varied."""
-        fields = type(self).model_fields
-        return tuple(name for name in fields if isinstance(getattr(self, name), float))
-
-    @property
     def replaced_rules(self) -> tuple[str, ...]:
         """The rules of the paper that the term replaces, rules of electrodes by side."""
         if self.replaced_rule == "stopper":
@@ -372,10 +364,6 @@ class Term(Checked, ABC):
         fields = type(self).model_fields
         return {name: unit for name, unit in self.units.items() if name in fields}
 
-    def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:
-        """Return a copy with some numbers changed, out of range only if not `checked`."""
-        return self.replace(**values) if checked else self.replace_unchecked(**values)
-
     @classmethod
     def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return bounds that numbers of the actuator and the term set for each other.
@@ -385,16 +373,7 @@ class Term(Checked, ABC):
         return ()
 
     def check_on(self, actuator: Device) -> None:
-        """Raise InvalidParameter if the term does not fit the other parameters of the actuator."""
-        bounds = self.bounds(self.kind.indices(eq.TERMS), self.shape, is_compliant(actuator))
-        p = (*actuator.to_array(), *self.numbers(DIMENSIONLESS)) if bounds else ()
-        for bound in bounds:
-            number = getattr(self, bound.name.removeprefix(f"{self.name()}."))
-            if not bound.holds(number, p):
-                si_unit = self.units.get(bound.name.rpartition(".")[2], "")
-                unit = f" {si_unit}" if si_unit and actuator.units == "SI" else ""
-                allowed = f"{bound.sign} {shown(float(bound.value(p)))}{unit}, {bound.meaning}"
-                raise InvalidParameter(bound.name, number, allowed)
+        """Raise InvalidParameter if the term does not fit the units or terms of the actuator."""
 
     def check_under(self, drive: Drive) -> None:
         """Raise InvalidParameter if the term does not fit the drive."""
@@ -470,27 +449,7 @@ class Term(Checked, ABC):
 
 
 class Device(Protocol):
-    """An `Actuator`, as far as its terms and the checks of its numbers depend on it."""
-
-    @property
-    def m2(self) -> float:
-        """Mass of the block."""
-
-    @property
-    def k(self) -> float:
-        """Stiffness of the spring."""
-
-    @property
-    def d(self) -> float:
-        """Gap between the electrodes without voltage."""
-
-    @property
-    def delta(self) -> float:
-        """Distance from the block at rest to each stopper."""
-
-    @property
-    def alpha(self) -> float:
-        """Half the permittivity times the overlap area of the electrodes."""
+    """An `Actuator`, as far as its terms depend on it."""
 
     @property
     def units(self) -> Literal["dimensionless", "SI"]:
@@ -499,9 +458,6 @@ class Device(Protocol):
     @property
     def terms(self) -> tuple[Term, ...]:
         """Terms of the actuator."""
-
-    def to_array(self) -> Floats:
-        """Return the parameters of the actuator."""
 
 
 def drive_unit(terms: Sequence[Term]) -> str:
@@ -524,16 +480,11 @@ def field_energy(electrode: Electrode, parasitic: int) -> Function:
     return energy
 
 
-def reach(device: Device) -> float:
-    """Return the largest deflection of the block for which the device is defined.
+def reach_function(compliant: bool) -> Function:
+    """Return ``reach(p)``, the largest deflection of the block for which a device is defined.
 
     That is the stopper, or, with compliant stoppers, halfway from the stopper to the electrode.
     """
-    return float(reach_function(is_compliant(device))(device.to_array()))
-
-
-def reach_function(compliant: bool) -> Function:
-    """Return ``reach(p)``, as `reach` of the device."""
 
     def halfway(p):  # type: ignore[no-untyped-def]
         return 0.5 * (p[eq.DELTA] + p[eq.D])

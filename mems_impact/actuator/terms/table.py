@@ -26,7 +26,7 @@ from mems_impact.actuator.splines import (
     coefficients,
     spline_functions,
 )
-from mems_impact.actuator.terms.base import Device, ParameterIndices, Shape, Term, reach
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term
 from mems_impact.actuator.toml_files import read_columns, scaled_once
 from mems_impact.errors import InvalidParameter
 
@@ -34,7 +34,6 @@ __all__ = ["TableNumbers", "TableTerm"]
 
 LIST = f"a list of {MIN_POINTS} or more finite numbers"
 MIN_SPACING_RATIO = 1e-9  # of the range of the positions: closer ones coincide
-BORDER_RATIO = 1e-9  # of the range: rounding may put a block on its stopper beyond the table
 
 
 def _numbers(values: Any) -> tuple[float, ...]:
@@ -181,26 +180,9 @@ class TableTerm(Term):
             return 2.0 * end(p) - p[eq.D]
 
         meaning = f"where the table of {cls.name()} ends"
-        meaning += ", halfway from stopper to electrode" if compliant else ""
+        meaning += f"{', halfway from stopper to electrode' if compliant else ''}; extend it"
         bound = halfway if compliant else end
         return (Bound(name="delta", value=bound, upper=True, excluded=False, meaning=meaning),)
-
-    def check_on(self, actuator: Device) -> None:
-        """Raise InvalidParameter if the table does not cover the travel of the block."""
-        first, last = self.positions[0], self.positions[-1]
-        max_travel, border = reach(actuator), BORDER_RATIO * (last - first)
-        if first > -max_travel + border or last < max_travel - border:
-            unit = " m" if actuator.units == "SI" else ""
-            explanation = (
-                ""
-                if max_travel == actuator.delta
-                else ", halfway from compliant stopper to electrode"
-            )
-            problem = (
-                f"covers {shown(first)} to {shown(last)}{unit}, but the block moves from "
-                f"{shown(-max_travel)} to {shown(max_travel)}{unit}{explanation}; extend the table"
-            )
-            raise InvalidParameter(f"{self.name()}.positions", None, "", problem=problem)
 
 
 def _factors(column_units: Any, units: list[str]) -> list[float]:
