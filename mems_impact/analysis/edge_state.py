@@ -119,6 +119,9 @@ class _Tracking:
     options: Options
     problem: Problem
     step: float
+    min_distance: float
+    max_distance: float
+    tolerance: float
     known: list[Attractor] = field(default_factory=list)
 
     @cached_property
@@ -214,12 +217,10 @@ class _Tracking:
             mode = self.system.state_space.mode_of(y, one.time, self.problem, mode)
         return replace(one, mode=mode, y=y)
 
-    def bisect(
-        self, one: HybridState, other: HybridState, min_distance: float
-    ) -> tuple[HybridState, HybridState]:
+    def bisect(self, one: HybridState, other: HybridState) -> tuple[HybridState, HybridState]:
         """Return two states within a distance of each other that reach different attractors."""
         for _ in range(MAX_BISECTIONS):
-            if self.distance(one, other) <= min_distance:
+            if self.distance(one, other) <= self.min_distance:
                 break
             middle = self.between(one, other)
             side, attractor = self.reached(middle)
@@ -235,6 +236,49 @@ class _Tracking:
         """Return a state one return, or one time step, later."""
         final = run(self.problem, at, self.step).final
         return replace(final, cycle=0, time=at.time, remembered=(), switched=False)
+
+    def follow(
+        self, one: HybridState, other: HybridState, returns: int
+    ) -> tuple[list[HybridState], list[float], int]:
+        """Return states on the boundary, their distances, and the returns of its period.
+
+        The last is 0 if the motion has no period.
+        """
+        one, other = self.bisect(one, other)
+        rows, distances = [self.between(one, other)], [self.distance(one, other)]
+        period = 0
+        while not period and len(rows) <= returns:
+            try:
+                one, other = self.advance(one), self.advance(other)
+            except RunError as error:
+                raise OrbitError(
+                    f"a run along the boundary fails: {error}", "take other initial states"
+                ) from error
+            if self.distance(one, other) > self.max_distance:
+                one, other = self.bisect(one, other)
+            rows.append(self.between(one, other))
+            distances.append(self.distance(one, other))
+            period = self._period(rows, distances[-1])
+        if self.on_attractor(rows, period):
+            raise OrbitError(
+                f"the motion has left the boundary after {len(rows)} returns, since integration "
+                f"errors exceed the distance {self.min_distance:g} of the enclosing states",
+                "lower rtol and atol of options, or raise min_distance",
+            )
+        return rows, distances, period
+
+    def _period(self, rows: list[HybridState], distance: float) -> int:
+        """Return after how many returns the last state has come back, twice; 0 if it has not."""
+        largest = max(float(np.abs(each.y[self.free]).max()) for each in rows[-MAX_PERIOD:])
+        limit = max(self.tolerance * max(1e-3, largest), 4.0 * distance)
+        for period in range(1, min(MAX_PERIOD, (len(rows) - 1) // 2) + 1):
+            gaps = [self.distance(rows[-1 - i], rows[-1 - i - period]) for i in range(period + 1)]
+            last, gain = gaps[0], gaps[-1] - gaps[0]
+            # The remaining distance, of a geometric sequence, unless the changes are errors.
+            is_near = last <= 4.0 * distance or last * last <= limit * gain
+            if max(gaps) <= limit and is_near:
+                return period
+        return 0
 
 
 @takes_system(start="first")
@@ -310,9 +354,9 @@ def edge_state(
     False
     """
     returns = whole("returns", returns, 1)
-    bounds = {"min_distance": min_distance, "max_distance": max_distance}
-    for name, value in (*bounds.items(), ("tolerance", tolerance)):
-        positive(name, value)
+    positive("min_distance", min_distance)
+    positive("max_distance", max_distance)
+    positive("tolerance", tolerance)
     if max_distance <= min_distance:
         allowed = f"above min_distance = {min_distance:g}"
         raise InvalidParameter("max_distance", max_distance, allowed)
@@ -327,7 +371,9 @@ def edge_state(
     length = 1.0
     if not system.forced:
         length = float(system.units.into("time", 1.0 if step is None else step)) / problem.period
-    tracking = _Tracking(system, recurrence, options, problem, length)
+    tracking = _Tracking(
+        system, recurrence, options, problem, length, min_distance, max_distance, tolerance
+    )
     one, other = (
         system.state_space.instant(each, problem, field=name)
         for name, each in (("first", first), ("second", second))
@@ -337,9 +383,7 @@ def edge_state(
         raise InvalidParameter(
             "second", second, "", problem="it reaches the same attractor as first"
         )
-    rows, distances, settled = _track(
-        tracking, one, other, returns, min_distance, max_distance, tolerance
-    )
+    rows, distances, settled = tracking.follow(one, other, returns)
     last = rows[-1]
     columns = dict(zip(system.states, np.array([each.y for each in rows]).T, strict=True))
     series = {"return": np.arange(len(rows)), "distance": np.array(distances)}
@@ -351,57 +395,6 @@ def edge_state(
         attractors=tuple(each.final for each in tracking.known),  # type: ignore[arg-type]
         table=labelled(columns, system, user_columns=series, **captions(system)),
     )
-
-
-def _track(
-    tracking: _Tracking,
-    one: HybridState,
-    other: HybridState,
-    returns: int,
-    min_distance: float,
-    max_distance: float,
-    tolerance: float,
-) -> tuple[list[HybridState], list[float], int]:
-    """Return states on the boundary, their distances, and the returns of its period, 0 without."""
-    one, other = tracking.bisect(one, other, min_distance)
-    rows, distances = [tracking.between(one, other)], [tracking.distance(one, other)]
-    for _ in range(returns):
-        try:
-            one, other = tracking.advance(one), tracking.advance(other)
-        except RunError as error:
-            raise OrbitError(
-                f"a run along the boundary fails: {error}", "take other initial states"
-            ) from error
-        if tracking.distance(one, other) > max_distance:
-            one, other = tracking.bisect(one, other, min_distance)
-        rows.append(tracking.between(one, other))
-        distances.append(tracking.distance(one, other))
-        period = _period(tracking, rows, tolerance, distances[-1])
-        if period:
-            break
-    else:
-        period = 0
-    if tracking.on_attractor(rows, period):
-        raise OrbitError(
-            f"the motion has left the boundary after {len(rows)} returns, since integration errors "
-            f"exceed the distance {min_distance:g} of the enclosing states",
-            "lower rtol and atol of options, or raise min_distance",
-        )
-    return rows, distances, period
-
-
-def _period(tracking: _Tracking, rows: list[HybridState], tolerance: float, distance: float) -> int:
-    """Return after how many returns the last state has come back, twice; 0 if it has not."""
-    size = max(1e-3, max(float(np.abs(each.y[tracking.free]).max()) for each in rows[-MAX_PERIOD:]))
-    limit = max(tolerance * size, 4.0 * distance)
-    for period in range(1, min(MAX_PERIOD, (len(rows) - 1) // 2) + 1):
-        gaps = [tracking.distance(rows[-1 - i], rows[-1 - i - period]) for i in range(period + 1)]
-        last, gain = gaps[0], gaps[-1] - gaps[0]
-        # The remaining distance, of a geometric sequence, unless the changes are errors.
-        is_near = last <= 4.0 * distance or last * last <= limit * gain
-        if max(gaps) <= limit and is_near:
-            return period
-    return 0
 
 
 def _saddle(

@@ -67,7 +67,9 @@ def test_a_motion_that_stays_at_the_saddle_is_no_third_attractor():
     """From x = 0.5 the motion reaches the right attractor; at 0 it stays."""
     problem = CUBIC.problem(module.ORBIT_OPTIONS)
     recurrence = mi.RecurrenceOptions(exponents="none")
-    tracking = module._Tracking(CUBIC, recurrence, module.ORBIT_OPTIONS, problem, 1.0)
+    tracking = module._Tracking(
+        CUBIC, recurrence, module.ORBIT_OPTIONS, problem, 1.0, 1e-8, 1e-5, 1e-6
+    )
     begin = [CUBIC.state_space.instant({"x": x}, problem) for x in (0.5, -0.5, 0.0)]
     tracking.known = [tracking.reached(each)[1] for each in begin[:2]]
     assert [tracking.reached(each)[0] for each in begin] == [0, 1, module.UNCLEAR]
