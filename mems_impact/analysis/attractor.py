@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, get_args
@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.progress import Watch
 from mems_impact._util.warning_scopes import at_study_point, collected_warnings
 from mems_impact.analysis.lyapunov import SIGNIFICANCE, ZERO_EXPONENT, classify
 from mems_impact.analysis.simulate import simulate
@@ -198,7 +199,7 @@ def map_attractors(
     cases: Sequence[InitialCondition],
     recurrence: RecurrenceOptions = RecurrenceOptions(),
     options: Options = STUDY_OPTIONS,
-    watch: Callable[[float], None] | None = None,
+    watch: Watch | None = None,
     numbers: Sequence[int] | None = None,
 ) -> list[Attractor]:
     """Compute the attractors of many initial conditions; each depends on its case alone.
@@ -241,7 +242,7 @@ def _followed(
     batch: Sequence[tuple[InitialCondition, Problem, HybridState]],
     recurrence: RecurrenceOptions,
     options: Options,
-    watch: Callable[[float], None] | None,
+    watch: Watch | None,
     before: int,
     numbers: Sequence[int] | None,
 ) -> list[Attractor]:
@@ -354,7 +355,7 @@ class _Classifier:
         recurrence: RecurrenceOptions,
         options: Options,
         numbers: Sequence[int] | None,
-        watch: Callable[[float], None] | None,
+        watch: Watch | None,
     ) -> None:
         self._batch, self._options, self._numbers = batch, options, numbers
         self._watch, self._system = watch, batch[0][0].system

@@ -17,11 +17,7 @@ from mems_impact.analysis.continuation_result import ContinuationResult
 from mems_impact.analysis.equilibrium import Equilibrium
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.solution import S, branch_table, row, solution_of
-from mems_impact.analysis.special_points import (
-    CodimensionTwo,
-    SpecialPoint,
-    special_point,
-)
+from mems_impact.analysis.special_points import CodimensionTwo, SpecialPoint, special_point
 from mems_impact.analysis.user_test_functions import EventFunction
 from mems_impact.continuation.arclength import StepControl
 from mems_impact.continuation.branch import EquilibriumCurve, OrbitCurve, OrbitEvent

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.progress import progress_bar
+from mems_impact._util.progress import Watch, progress_bar
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import Interrupted, InvalidParameter, RunError
@@ -347,7 +347,7 @@ def _run_to_tolerance(
     count: int,
     max_periods: float,
     tolerance: float,
-    report: Callable[[float], None] | None,
+    report: Watch | None,
 ) -> LyapunovSpectrum:
     """Continue until the errors reach the tolerance, or for the largest number of periods."""
     chunk = max(1, min(CHUNK, int(max_periods) // (MIN_CHUNKS + 1)))

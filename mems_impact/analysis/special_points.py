@@ -32,13 +32,7 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 
-__all__ = [
-    "BifurcationPoint",
-    "CodimensionTwo",
-    "GrazingType",
-    "SpecialPoint",
-    "special_point",
-]
+__all__ = ["BifurcationPoint", "CodimensionTwo", "GrazingType", "SpecialPoint", "special_point"]
 
 T = TypeVar("T")
 

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from mems_impact._util.progress import Watch
 from mems_impact._util.warning_scopes import at_study_point
 from mems_impact.analysis.attractor import (
     STUDY_OPTIONS,
@@ -242,11 +243,7 @@ class AttractorContinuationStudy(Study):
         self.measuring.prepare()
 
     def compute(
-        self,
-        first: int,
-        last: int,
-        carried: Any = None,
-        watch: Callable[[float], None] | None = None,
+        self, first: int, last: int, carried: Any = None, watch: Watch | None = None
     ) -> tuple[Columns, Any]:
         """Compute some values of a chain; see `Study`."""
         if carried is None:

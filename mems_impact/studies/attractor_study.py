@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from mems_impact._util.garbage import pause_collection
+from mems_impact._util.progress import Watch
 from mems_impact._util.warning_scopes import at_study_point
 from mems_impact.analysis.attractor import (
     STUDY_OPTIONS,
@@ -177,17 +178,14 @@ class AttractorEvaluator:
     def follow(
         self,
         cases: Sequence[InitialCondition],
-        watch: Callable[[float], None] | None = None,
+        watch: Watch | None = None,
         numbers: Sequence[int] | None = None,
     ) -> list[Attractor]:
         """Return the attractors of many points."""
         return map_attractors(cases, self.recurrence, self.options, watch, numbers)
 
     def follow_numbered(
-        self,
-        numbers: range,
-        case: Callable[[int], InitialCondition],
-        watch: Callable[[float], None] | None = None,
+        self, numbers: range, case: Callable[[int], InitialCondition], watch: Watch | None = None
     ) -> list[Attractor]:
         """Return the attractors of numbered points; an invalid point counts as failed."""
         cases: list[InitialCondition] = []
@@ -256,11 +254,7 @@ class AttractorStudy(Study):
         self.measuring.prepare()
 
     def compute(
-        self,
-        first: int,
-        last: int,
-        carried: Any = None,
-        watch: Callable[[float], None] | None = None,
+        self, first: int, last: int, carried: Any = None, watch: Watch | None = None
     ) -> tuple[Columns, Any]:
         """Compute some points; see `Study`."""
         with pause_collection():

@@ -133,11 +133,7 @@ class SweepStudy(Study):
         return self.system.changed(**{self.parameter: self._value(number)})
 
     def compute(
-        self,
-        first: int,
-        last: int,
-        carried: Any = None,
-        watch: Callable[[float], None] | None = None,
+        self, first: int, last: int, carried: Any = None, watch: Watch | None = None
     ) -> tuple[Columns, Any]:
         """Compute some values; see `Study`."""
         if carried is None:

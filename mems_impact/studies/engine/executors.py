@@ -267,7 +267,7 @@ class WorkerPool:
             raise InvalidParameter("executor", executor, allowed)
         return executor
 
-    def _watch(self, number: int) -> Callable[[float], None]:
+    def _watch(self, number: int) -> Watch:
         def watch(done: float) -> None:
             if self._stop.is_set():
                 raise _Stopped
@@ -330,9 +330,7 @@ _preparing = threading.Lock()  # serializes the preparation among threads of a p
 _alone = threading.Lock()  # serializes studies that must not run in parallel threads
 
 
-def _compute_in_thread(
-    study: Study, first: int, last: int, carried: Any, watch: Callable[[float], None]
-) -> Result:
+def _compute_in_thread(study: Study, first: int, last: int, carried: Any, watch: Watch) -> Result:
     """Compute points in a thread of the main process."""
     with nullcontext() if study.threaded else _alone:
         watch(0.0)
@@ -347,9 +345,7 @@ def _compute_in_process(packed: bytes, first: int, last: int, carried: Any, _cal
         return _computed(study, first, last, carried, None)
 
 
-def _computed(
-    study: Study, first: int, last: int, carried: Any, watch: Callable[[float], None] | None
-) -> Result:
+def _computed(study: Study, first: int, last: int, carried: Any, watch: Watch | None) -> Result:
     """Compute points; return their results and warnings."""
     with collected_warnings() as caught:
         columns, carried = study.compute(first, last, carried, watch)

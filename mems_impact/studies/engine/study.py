@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+
+from mems_impact._util.progress import Watch
 
 __all__ = [
     "OK",
@@ -91,11 +93,7 @@ class Study(ABC):
 
     @abstractmethod
     def compute(
-        self,
-        first: int,
-        last: int,
-        carried: Any = None,
-        watch: Callable[[float], None] | None = None,
+        self, first: int, last: int, carried: Any = None, watch: Watch | None = None
     ) -> tuple[Columns, Any]:
         """Compute the points `first` to `last` - 1: columns of `schema`, and data to carry.
 
