@@ -34,18 +34,6 @@ from mems_impact.systems.statistics import (
     UNSETTLED,
 )
 
-__all__ = [
-    "SAME_ATTRACTOR_RTOL",
-    "STUDY_OPTIONS",
-    "Attractor",
-    "InitialCondition",
-    "RecurrenceOptions",
-    "check_recurrence",
-    "map_attractors",
-    "same_attractor",
-    "states_at_returns",
-]
-
 STUDY_OPTIONS = Options(method="auto")
 
 Exponents = Literal["unsettled", "all", "none"]

@@ -11,8 +11,6 @@ from mems_impact.continuation.boundary_equilibrium import boundary_crossing
 from mems_impact.continuation.branch import EquilibriumEvent
 from mems_impact.systems.base import HybridSystem
 
-__all__ = ["BoundaryType", "boundary_type"]
-
 
 @dataclass(frozen=True, eq=False)
 class BoundaryType(str):

@@ -47,8 +47,6 @@ from mems_impact.systems.result import check_kind
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Branch", "continue_solution", "joined_branch", "switch_branch"]
-
 MIN_EXTRAPOLATED = 3  # cycles from which the homoclinic value is extrapolated
 BRANCH_STEPS = StepControl(max_step=0.02)  # so that a branch is smooth to the eye
 EQUILIBRIUM_STEPS = StepControl(max_step=0.2)

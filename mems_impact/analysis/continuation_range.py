@@ -9,8 +9,6 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import interval, is_number
 
-__all__ = ["amount", "checked_ends", "checked_range"]
-
 
 def checked_ends(
     system: HybridSystem, parameter: str, stop: Any, back: Any

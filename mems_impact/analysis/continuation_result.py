@@ -11,8 +11,6 @@ from mems_impact.analysis.solution import S, solution_of
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 
-__all__ = ["ContinuationResult"]
-
 
 class ContinuationResult(Result, Generic[S]):
     """Base class of results of continuation: a branch in one parameter, by default."""

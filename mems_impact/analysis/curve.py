@@ -33,8 +33,6 @@ from mems_impact.systems.result import check_kind
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Curve", "continue_curve", "curve_of"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Curve(ContinuationResult[S]):

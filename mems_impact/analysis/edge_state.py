@@ -43,8 +43,6 @@ from mems_impact.tables import table as labelled
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["EdgeState", "edge_state"]
-
 MAX_BISECTIONS = 80
 MAX_CONTINUATIONS = 16  # runs of a motion that does not settle
 ORBIT_RTOL = 1e-2  # distance from the last state at which an orbit is the edge state

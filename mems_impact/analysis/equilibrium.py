@@ -20,8 +20,6 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, interval, whole
 
-__all__ = ["Equilibrium", "checked_box", "equilibrium_of", "find_equilibria"]
-
 SAME_STATE_RTOL = 1e-6  # relative difference below which two states are one equilibrium
 SEED = 1  # of the starting points of Newton's method between bounds
 

@@ -10,8 +10,6 @@ from mems_impact.continuation.homoclinic import cycles_beside, saddle_quantity
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 
-__all__ = ["HomoclinicEnd"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HomoclinicEnd(Result):

@@ -29,8 +29,6 @@ from mems_impact.systems.state import State, positive, whole
 from mems_impact.systems.statistics import CHAOTIC, PERIODIC, QUASI_PERIODIC
 from mems_impact.systems.typical_scales import warn_if_below_differences
 
-__all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
-
 TRANSIENT = 300.0  # periods, by default
 DEFAULT_PERIODS = 20_000.0
 LYAPUNOV_OPTIONS = Options(method=ORBIT_OPTIONS.method)

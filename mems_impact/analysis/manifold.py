@@ -35,8 +35,6 @@ from mems_impact.tables import table as labelled
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Manifold", "manifold"]
-
 Kind = Literal["unstable", "stable"]
 KINDS: tuple[str, ...] = get_args(Kind)
 

@@ -46,8 +46,6 @@ from mems_impact.tables import CHATTER_ENDS, DRIVE_SWITCHES
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ORBIT_OPTIONS", "Orbit", "find_orbit", "orbit_of"]
-
 # --- Descriptions of defects
 
 

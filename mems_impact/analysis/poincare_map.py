@@ -19,8 +19,6 @@ from mems_impact.orbits.equilibrium import differentiate
 from mems_impact.orbits.monodromy import reduced_components, reduced_monodromy
 from mems_impact.systems.base import HybridSystem
 
-__all__ = ["FixedPoint", "PoincareMap", "fixed_points"]
-
 UPWARDS = 1  # direction in which a motion crosses the section at its returns
 SEARCH_RATIO = 1.3  # length of a run in search of a return, relative to the time between returns
 MAX_SEARCHES = 40  # such runs, after which a motion counts as not returning

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
     from mems_impact.analysis.run_derivatives import RunDerivatives
 
-__all__ = ["Keep", "Run", "check_direction"]
-
 Keep = Literal["events", "statistics"]
 
 

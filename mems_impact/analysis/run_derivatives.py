@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-__all__ = ["INITIAL", "RunDerivatives", "derivatives_of"]
-
 R = TypeVar("R", bound=Any)  # the class of runs
 
 INITIAL = "x0."  # before the name of a state, for its initial value

@@ -17,8 +17,6 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.state import State
 
-__all__ = ["RunFunction", "value_and_jacobian"]
-
 
 @dataclass(frozen=True)
 class RunFunction:

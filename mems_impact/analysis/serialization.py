@@ -50,8 +50,6 @@ from mems_impact.systems.serialization.detached import DetachedSystem, check_sam
 from mems_impact.systems.system import System
 from mems_impact.systems.window_statistics import Moments, TimeWindow
 
-__all__ = ["register_run", "restored"]
-
 TRAJECTORY = ("start", "final", "events", "steps", "arcs", "ended", "checkpoints", "implicit_arcs")
 
 

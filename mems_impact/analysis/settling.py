@@ -37,8 +37,6 @@ from mems_impact.systems.window_statistics import TimeWindow
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["SETTLING_RTOL", "Settling", "checkpoint_grid", "digits", "settling_of"]
-
 SETTLING_RTOL = 1e-3  # relative distance from the limit within which a statistic has settled
 STATE_RTOL = 1e-6  # relative change of states within which all statistics have settled
 NOISE_RATIO = 1e-6  # noise of a statistic, relative to its values within a period

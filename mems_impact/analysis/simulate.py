@@ -22,8 +22,6 @@ from mems_impact.systems.state import State, is_number, positive
 from mems_impact.systems.statistics import LazyStatistics
 from mems_impact.systems.window_statistics import TimeWindow
 
-__all__ = ["simulate"]
-
 # --- Runs until standstill
 
 UNTIL_STILL = "still"

@@ -13,8 +13,6 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State
 
-__all__ = ["SlidingType", "sliding_type"]
-
 
 @dataclass(frozen=True, eq=False)
 class SlidingType(str):

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from mems_impact.orbits.equilibrium import EquilibriumState
 
-__all__ = ["S", "Solution", "branch_table", "quantities", "row", "solution_of"]
-
 Solution = Orbit | Equilibrium
 S = TypeVar("S", bound=Solution)
 

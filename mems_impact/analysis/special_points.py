@@ -32,8 +32,6 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 
-__all__ = ["BifurcationPoint", "CodimensionTwo", "GrazingType", "SpecialPoint", "special_point"]
-
 T = TypeVar("T")
 
 GRAZING_SEARCH_RATIO = 1e-3  # relative range in which the other side of a grazing is sought

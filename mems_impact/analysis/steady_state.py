@@ -17,8 +17,6 @@ from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.systems.result import check_kind
 from mems_impact.systems.settling import CHANGING, FLUCTUATING, SETTLED
 
-__all__ = ["steady_state"]
-
 LONGEST = 64.0  # length of the continuation, relative to that of the run
 FLUCTUATION = 4.0  # the same for a motion that does not become periodic
 ATTRACTING = 1.0 - 1e-5  # largest modulus of the multipliers of an orbit

@@ -24,8 +24,6 @@ from mems_impact.orbits.newton import Linearized
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.orbits.symmetry import SignSymmetry, equilibrium_symmetries, orbit_symmetries
 
-__all__ = ["Symmetry", "symmetries"]
-
 MIN_DISTANCE = 3e-4  # of a solution from a branch point, for a significant asymmetry
 IMAGE_RTOL = 1e-6  # largest difference between a computed partner and the image of the start
 

@@ -17,8 +17,6 @@ from mems_impact.orbits.periodic_orbit import make_orbit
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import is_number
 
-__all__ = ["EventFunction", "Events"]
-
 Events = Mapping[str, Callable[[Any], float] | tuple[str, float]]
 """Events by name: a function of a solution, or a column of the branch's table and its value."""
 

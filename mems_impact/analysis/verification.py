@@ -21,8 +21,6 @@ from mems_impact.tables import Labels, event_codes, event_names, is_shown, verif
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Verification", "compare", "other_family"]
-
 TOLERANCE_FACTOR, MIN_RTOL, MIN_ATOL = 0.01, 1e-13, 1e-15
 MORE_STEPS = 10  # times as many steps are allowed for the more precise run
 
@@ -172,6 +170,7 @@ class EventLog:
         return float(self.cycle[i] + self.time[i] / self.period)
 
     def describe(self, i: int) -> str:
+        """Return the name and the instant of event i."""
         return f"'{self.names[self.codes[i]]}' (period {self.at(i):.9g})"
 
 

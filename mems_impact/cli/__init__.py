@@ -12,8 +12,6 @@ from typing import NoReturn
 
 from mems_impact.cli.interrupts import INTERRUPTED, TERMINATED, interruptible
 
-__all__ = ["main"]
-
 YOUNG_OBJECTS = 50_000  # between two collections; 700 or 2,000 by default
 
 

@@ -27,8 +27,6 @@ from mems_impact.cli.value_types import (
 )
 from mems_impact.studies.engine import EXECUTORS
 
-__all__ = ["Command", "FunctionOptions", "function_options", "given_arguments", "option_of_field"]
-
 GIVEN = "mems_impact.arguments"  # in the context of click: those given, by function
 
 OPTION_NAMES = {

@@ -28,8 +28,6 @@ from mems_impact.cli.runtime import (
 )
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["COMMAND_NAMES", "main_group", "run"]
-
 COMMAND_NAMES = (
     "basins",
     "characteristic",

@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from importlib.machinery import ExtensionFileLoader
 from types import FrameType
 
-__all__ = ["INTERRUPTED", "TERMINATED", "interruptible"]
-
 # Exit statuses: 128 plus the number of the signal, as in a shell.
 INTERRUPTED, TERMINATED = 130, 143
 

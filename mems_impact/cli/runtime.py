@@ -15,8 +15,6 @@ import click
 from mems_impact.cli.interrupts import INTERRUPTED
 from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter, MemsImpactError
 
-__all__ = ["as_json", "quiet", "with_options"]
-
 # --- Options of every command
 
 _JSON, _QUIET = "mems_impact.json", "mems_impact.quiet"

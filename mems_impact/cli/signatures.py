@@ -14,8 +14,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = ["REQUIRED", "Argument", "arguments_of"]
-
 PACKAGE = Path(__file__).parents[2]
 REQUIRED: Any = inspect.Parameter.empty
 # The heading of an entry of a section Parameters: names and, of a choice, the values.

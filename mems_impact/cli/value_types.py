@@ -11,22 +11,6 @@ import click
 from mems_impact._util.quantities import QuantityError, has_unit, magnitude
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 
-__all__ = [
-    "KICKED",
-    "NUMBER_UNITS",
-    "WITH_UNIT",
-    "AssignmentType",
-    "DistributionType",
-    "Initial",
-    "InitialType",
-    "NumberType",
-    "QuantityType",
-    "RangeType",
-    "ToleranceType",
-    "assignment",
-    "symbol_of",
-]
-
 Context = click.Context | None
 Parameter = click.Parameter | None
 

@@ -26,18 +26,6 @@ from mems_impact.plotting.style import color, new_figure, styled, thickness, wea
 from mems_impact.plotting.trajectories import between, is_jump, jump, line, plane
 from mems_impact.systems.result import check_kind
 
-__all__ = [
-    "Animation",
-    "Frames",
-    "Scene",
-    "animate",
-    "caption",
-    "check_ending",
-    "clock",
-    "frames_of",
-    "glow",
-]
-
 # --- Frames and flashes
 
 MOVIE_PERIODS = 6  # forcing periods by default

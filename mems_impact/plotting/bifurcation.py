@@ -47,8 +47,6 @@ if TYPE_CHECKING:
     from mems_impact.studies.engine.store import StoredStudy
     from mems_impact.studies.sweep import Sweep
 
-__all__ = ["draw_switches", "plot_branch", "plot_curve", "plot_diagram", "plot_sweep"]
-
 # --- Branches
 
 # Marker and colour of special points: of orbits, then of equilibria.

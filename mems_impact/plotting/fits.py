@@ -15,8 +15,6 @@ from mems_impact.systems.result import check_kind
 if TYPE_CHECKING:
     pass
 
-__all__ = ["plot_fit"]
-
 MAX_PANELS = 6  # of recorded columns
 MAX_ELLIPSES = 5  # free quantities
 QUANTILE = 5.991  # of chi-square with two degrees of freedom, at 95 %

@@ -19,25 +19,6 @@ from mems_impact._util.units import si_prefixed
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "Label",
-    "Mark",
-    "amount",
-    "crosses",
-    "free_corner",
-    "label_axis",
-    "label_of",
-    "label_points",
-    "label_verticals",
-    "legend_above",
-    "letter_panels",
-    "mark_points",
-    "on_section",
-    "parameter_label",
-    "prefixed",
-    "symbol",
-]
-
 # --- Placement of labels and legends
 
 Floats = NDArray[np.float64]

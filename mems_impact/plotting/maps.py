@@ -28,8 +28,6 @@ from mems_impact.tables import without_units
 if TYPE_CHECKING:
     from mems_impact.studies.basins import Basins
 
-__all__ = ["plot_basins", "plot_map"]
-
 # --- Basins of attraction
 
 # Colours of different lightness, distinct in grey and to the colour-blind (hues of Okabe and Ito).

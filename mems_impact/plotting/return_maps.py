@@ -15,8 +15,6 @@ from mems_impact.plotting.style import Axes, cased, color, new_figure, styled, t
 from mems_impact.systems.result import check_kind
 from mems_impact.systems.state import whole
 
-__all__ = ["plot_manifold", "plot_return_map"]
-
 LINE_STYLES = {"unstable": "-", "stable": (0, (3.5, 1.2))}
 LINE_COLORS = {"unstable": "#b2182b", "stable": "black"}
 

@@ -17,25 +17,6 @@ from matplotlib.figure import Figure
 
 from mems_impact.errors import InvalidParameter
 
-__all__ = [
-    "DASHES",
-    "DOTS",
-    "LINES",
-    "MODE_COLORS",
-    "Axes",
-    "boundary_line",
-    "cased",
-    "color",
-    "given_axes",
-    "graded",
-    "inches",
-    "new_figure",
-    "style",
-    "styled",
-    "thickness",
-    "wearing",
-]
-
 if TYPE_CHECKING:
 
     class Axes(axes.Axes):

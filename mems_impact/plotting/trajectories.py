@@ -37,24 +37,6 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import check_kind
 from mems_impact.tables import captions
 
-__all__ = [
-    "FIGURE_PERIODS",
-    "IMPACT",
-    "MIN_DRAWN_JUMP",
-    "ORBIT_POINTS_PER_PERIOD",
-    "RUN_POINTS_PER_PERIOD",
-    "between",
-    "interleaved",
-    "is_jump",
-    "jump",
-    "line",
-    "plane",
-    "plot_orbit",
-    "plot_run",
-    "spans",
-    "time_axis",
-]
-
 # --- Lines: exact at transitions, broken at jumps
 
 IMPACT: dict[str, Any] = {

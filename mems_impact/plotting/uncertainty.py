@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from mems_impact.studies.optimize import ParetoFront
     from mems_impact.studies.sensitivity import Sensitivity
 
-__all__ = ["plot_pareto", "plot_sensitivity", "plot_tolerance_analysis"]
-
 # --- Pareto fronts
 
 

@@ -41,8 +41,6 @@ from mems_impact.systems.state import State, state_from
 from mems_impact.systems.statistics import FAILED
 from mems_impact.tables import merged_columns
 
-__all__ = ["AttractorBranches", "AttractorContinuationStudy", "continue_attractors"]
-
 # --- Branches of attractors
 
 Integers = NDArray[np.int64]

@@ -46,20 +46,6 @@ from mems_impact.systems.statistics import (
 )
 from mems_impact.tables import texts
 
-__all__ = [
-    "ATTRACTOR",
-    "AttractorMatcher",
-    "bounds_of",
-    "continued_motions",
-    "label_partial",
-    "label_points",
-    "match_attractors",
-    "representatives",
-    "returns",
-    "state_of",
-    "unique_labels",
-]
-
 # --- Matching of attractors by their returns
 
 KEPT_REDUCTIONS = ("mean", "min", "max")

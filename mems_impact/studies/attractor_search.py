@@ -32,8 +32,6 @@ from mems_impact.systems.statistics import FAILED, RESTING, UNSETTLED
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["BRANCH", "NO_BRANCH", "AttractorSearch", "Motion", "attractor_table"]
-
 REST_RTOL = 1e-3  # relative range of states at rest
 BOX_MARGIN = 1.2  # size of the box of starting states, in sizes of the states that were visited
 BOX_PERIODS = 50  # length of the runs that determine it

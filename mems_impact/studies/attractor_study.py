@@ -45,22 +45,6 @@ from mems_impact.tables import captions, merged_columns, unit_of, without_units
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "ERROR",
-    "EXPONENT",
-    "MOTION",
-    "PERIOD",
-    "RETURNS",
-    "STATIONARY_STATUSES",
-    "AttractorEvaluator",
-    "AttractorStudy",
-    "counted_motions",
-    "in_order",
-    "map_summary",
-    "motions",
-    "period_of",
-]
-
 # --- Kinds of motions in tables of studies
 
 MOTION, PERIOD = "motion", "period"  # columns

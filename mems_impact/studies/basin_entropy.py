@@ -14,8 +14,6 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.systems.state import whole
 from mems_impact.systems.statistics import FAILED
 
-__all__ = ["BasinEntropy", "UncertaintyExponent", "basin_entropy", "uncertainty_exponent"]
-
 MIN_SIDE = 10  # points along an axis from which an exponent can be estimated
 LARGEST_DISTANCE_RATIO = 0.1  # of the shortest axis, of the perturbations
 MIN_LARGEST_DISTANCE = 4  # grid steps

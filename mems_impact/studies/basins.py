@@ -51,8 +51,6 @@ from mems_impact.tables import merged_columns
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Basins", "BasinsStudy", "basins"]
-
 ATTRACTOR = attractor_matching.ATTRACTOR
 
 

@@ -24,8 +24,6 @@ from mems_impact.systems.result import Result
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["PARTS", "AnyBranch", "AnyPoint", "BifurcationDiagram", "same_point"]
-
 AnyBranch = Branch[Any]
 AnyPoint = SpecialPoint[Any]
 

@@ -72,8 +72,6 @@ from mems_impact.systems.serialization.identity import (
 from mems_impact.systems.state import State, state_from, whole
 from mems_impact.systems.statistics import CHAOTIC, OFF, PERIODIC, QUASI_PERIODIC, RESTING
 
-__all__ = ["bifurcation_diagram"]
-
 DIAGRAM_RECURRENCE = RecurrenceOptions(chaos_persistence=1.0)
 PROBE_POINTS = 12  # orbits of an emanating branch after which it is compared with known branches
 SEARCHED_VALUES = 5  # values of the parameter at which Newton's method starts from many states

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 
-__all__ = ["UNMATCHED", "local_spacings", "match_events"]
-
 UNMATCHED = -1
 
 

@@ -31,8 +31,6 @@ from mems_impact.systems.state import State, whole
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Fit", "fit"]
-
 LOOSE = 1.0  # a standard error above this part of the typical size leaves a value undetermined
 TELLING = 1e-3  # least component of a combination that is named
 

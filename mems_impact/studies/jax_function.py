@@ -18,8 +18,6 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.state import whole
 
-__all__ = ["jax_function"]
-
 
 @takes_system(start="initial", recurrent=False)
 def jax_function(

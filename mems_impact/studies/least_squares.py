@@ -23,17 +23,6 @@ from mems_impact.systems.state import is_number
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "INTERVAL",
-    "MISFIT",
-    "NEGLIGIBLE",
-    "SMALL",
-    "STEP",
-    "LeastSquares",
-    "Minimum",
-    "Unknown",
-]
-
 MISFIT = 3.0  # standard deviations of a normal variable that are as improbable as a misfit
 SMALL, LARGE = 0.1, 0.5  # of residuals, by the spread of the data
 ALIKE = 4.0  # standard deviations of the number of neighbouring residuals of one sign

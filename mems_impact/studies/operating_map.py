@@ -33,8 +33,6 @@ from mems_impact.tables import merged_columns
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["OperatingMap", "operating_map"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class MapStudy(AttractorStudy):

@@ -35,8 +35,6 @@ from mems_impact.tables import unit_of
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Optimum", "ParetoFront", "optimize", "pareto_front"]
-
 # --- Constraints on orbits
 
 MAX_MULTIPLIER = 0.95  # default bound of the modulus of multipliers; it keeps a distance from folds
@@ -260,7 +258,7 @@ def optimize(
     (True, {'amplitude': 0.25})
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
-    aim = Objective.of(orbit, over, maximize, minimize, subject_to or {}, tolerances or {})
+    aim = _Objective.of(orbit, over, maximize, minimize, subject_to or {}, tolerances or {})
     max_iterations = whole("iterations", iterations, 1)
     iterates: list[Iterate[Orbit]] = []
     with progress_bar(progress, "points", work="optimize") as show:
@@ -294,7 +292,7 @@ def optimize(
 
 
 @dataclass(frozen=True, eq=False)
-class Objective:
+class _Objective:
     """Objective and constraints of an orbit, as scaled functions on the unit box."""
 
     over: dict[str, tuple[float, float]]
@@ -317,7 +315,7 @@ class Objective:
         minimize: str | Quantity | None,
         subject_to: Limits,
         tolerances: Mapping[str, float | str],
-    ) -> Objective:
+    ) -> _Objective:
         if (maximize is None) == (minimize is None):
             raise InvalidParameter("maximize", maximize, "given, or minimize, but not both")
         system = orbit.system

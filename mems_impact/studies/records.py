@@ -40,8 +40,6 @@ from mems_impact.tables import event_names, unit_of, without_units
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Comparison", "Conditions", "Measurement", "Prediction", "Record", "table_of"]
-
 DELAY, OFFSET = "delay", "offset."  # names of free quantities of a record
 TIME, EVENT = "t", "event"
 HEADING = re.compile(

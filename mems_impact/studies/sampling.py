@@ -20,32 +20,6 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import is_number, whole
 
-__all__ = [
-    "DISTRIBUTIONS_ALLOWED",
-    "FIRST",
-    "SECOND",
-    "Axis",
-    "Grid",
-    "InitialConditions",
-    "Interval",
-    "Making",
-    "ParameterSample",
-    "Rng",
-    "Sample",
-    "Sampling",
-    "axis",
-    "check_sample",
-    "deviations",
-    "distribution_named",
-    "distributions",
-    "draw",
-    "finite_numbers",
-    "matrices",
-    "seed_of",
-    "unit_sample",
-    "wilson",
-]
-
 # --- Axes of a study
 
 

@@ -33,15 +33,6 @@ from mems_impact.systems.state import is_number
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "Sensitivity",
-    "bifurcation_margins",
-    "chosen_quantities",
-    "continue_to",
-    "derivatives",
-    "sensitivity",
-]
-
 # --- Neighbouring orbits, to first order or corrected
 
 SINGULAR_RTOL = 1e-12  # least singular value of a regular Jacobian, relative to the largest
@@ -248,7 +239,7 @@ LINE_REMEDY = "take a shorter way"
 
 
 @dataclass(frozen=True)
-class LineFamily(Family):
+class _LineFamily(Family):
     """The problems on a straight line in parameter space, by the fraction of its length."""
 
     family: Family
@@ -261,7 +252,7 @@ class LineFamily(Family):
     def problem(self) -> Problem:
         return self._family_at(self.values).problem()
 
-    def with_method(self, method: str) -> LineFamily:
+    def with_method(self, method: str) -> _LineFamily:
         return replace(self, family=self.family.with_method(method))
 
     def numbers(self, /, **changes: float) -> ProblemParameters:
@@ -318,7 +309,7 @@ def _is_near(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
 def _continued(orbit: Orbit, target: Mapping[str, float]) -> PeriodicOrbit:
     """Return the orbit at the end of a straight line, in the family of the line."""
     start = orbit.numeric
-    line = LineFamily({LINE_PARAMETER: 0.0}, start.family, dict(target))
+    line = _LineFamily({LINE_PARAMETER: 0.0}, start.family, dict(target))
     shooting = Shooting(line, start.segments, (), start.shooting.pinned, start.shooting.phase)
     branch = OrbitBranch(LINE_PARAMETER)
     begin = replace(start, family=line, shooting=shooting)

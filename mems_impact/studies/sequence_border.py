@@ -9,8 +9,6 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact._util.bisection import bisect
 
-__all__ = ["nearest_within"]
-
 BACK = 0.5  # distance behind the origin from which the border is seen, by that of the wanted point
 HALVINGS = 6  # of this distance, until it does not lie beyond another border
 SPREAD = 0.5  # tangent of the angle between the directions in which the border is found

@@ -19,8 +19,6 @@ from mems_impact.studies.sweep import Sweep
 from mems_impact.studies.uncertainty import ToleranceAnalysis
 from mems_impact.systems.serialization.codec import register
 
-__all__: list[str] = []
-
 register(Axis)
 register(Grid)
 register(Sample)

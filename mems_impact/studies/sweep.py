@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-__all__ = ["Sweep", "sweep"]
-
 # --- Sweeps as studies, with a chain of values per direction
 
 Point = dict[str, Any]  # input of `tables.sweep` for one value

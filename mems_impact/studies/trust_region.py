@@ -20,8 +20,6 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
 
-__all__ = ["Iterate", "search"]
-
 PENALTY_RATIO = 2.0  # penalty relative to the largest multiplier; above 1 it is exact
 MIN_OBJECTIVE_SHARE = 0.3  # least predicted reduction of merit, relative to that of violations
 BOX_TOLERANCE = 1e-12  # distance from a side of the box within which a point is on it

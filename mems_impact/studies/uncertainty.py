@@ -46,8 +46,6 @@ from mems_impact.systems.state import State, interval
 from mems_impact.systems.statistics import UNSETTLED
 from mems_impact.tables import merged_columns
 
-__all__ = ["Spread", "ToleranceAnalysis", "indices_table", "tolerance_analysis"]
-
 # --- Sobol' indices
 
 RESAMPLES = 999

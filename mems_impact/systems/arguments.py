@@ -17,29 +17,6 @@ from mems_impact.integrators.dual_numbers import Dual
 from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import Mode, State, is_number, positive, state_from
 
-__all__ = [
-    "ARGUMENTS",
-    "check_flow",
-    "check_names",
-    "check_optional",
-    "constraints",
-    "function",
-    "guards",
-    "initial",
-    "mode_names",
-    "number",
-    "numbers",
-    "observables",
-    "reject_with_components",
-    "section",
-    "sizes",
-    "state_indices",
-    "states",
-    "times",
-    "transition_arguments",
-    "units",
-]
-
 FUNCTION_KIND = "a function, written with def or lambda"
 ARGUMENTS = ("mode", "t", "y", "p")
 FORMULAS = "=+-@"  # first characters of formulas in spreadsheets

@@ -35,8 +35,6 @@ from mems_impact.systems.typical_scales import warn_if_badly_scaled_orbit
 from mems_impact.systems.units import Conversion
 from mems_impact.tables import unit_of
 
-__all__ = ["HybridSystem", "SystemFamily", "conversion", "system_at"]
-
 
 @cache
 def cached_names(kind: type) -> frozenset[str]:

@@ -24,8 +24,6 @@ from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.observables import EventObserver
 from mems_impact.systems.typical_scales import SizeMonitor
 
-__all__ = ["Checks", "FunctionChecks", "Passed"]
-
 
 class Checks:
     """Checks of a system without functions of a user."""

@@ -15,8 +15,6 @@ from mems_impact.systems.result import Result
 from mems_impact.systems.state import State
 from mems_impact.systems.units import Units
 
-__all__ = ["SystemDescription"]
-
 
 class SystemDescription(Result, ABC):
     """The description of a hybrid system, which its state space, statistics and checks read."""

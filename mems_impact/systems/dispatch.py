@@ -13,8 +13,6 @@ from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 
-__all__ = ["Verb", "takes_system"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 Result = TypeVar("Result", covariant=True)

@@ -10,8 +10,6 @@ from typing import Any, Literal
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.simulation import Events, Trajectory
 
-__all__ = ["MULTIPLIER", "EventObserver", "EventRecorder", "Observable", "Quantity"]
-
 # --- Observables
 
 Reduction = Literal["sum", "mean", "min", "max", "gain"]
@@ -106,26 +104,32 @@ class Quantity:
 
 
 def largest_multiplier(orbit: Any) -> float:
+    """Return the largest modulus of a multiplier; infinite at a touch."""
     return math.inf if orbit.numeric.touches else float(abs(orbit.multipliers[0]))
 
 
 def closest_approach(orbit: Any) -> float:
+    """Return the smallest gap at which bodies turned back without an impact."""
     return orbit.closest_approach
 
 
 def impact_speed(orbit: Any) -> float:
+    """Return the largest impact speed, NaN without an impact."""
     return max(orbit.impact_speeds, default=math.nan)
 
 
 def period(orbit: Any) -> float:
+    """Return the period."""
     return orbit.period
 
 
 def gain(orbit: Any, *, state: str) -> float:
+    """Return the gain of a cyclic state per period."""
     return orbit.gains[state] / orbit.periods
 
 
 def observable(orbit: Any, *, name: str) -> float:
+    """Return an observable over the orbit."""
     return orbit.observables[name]
 
 

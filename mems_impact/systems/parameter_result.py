@@ -11,8 +11,6 @@ from mems_impact.systems.result import Result
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ParameterResult"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ParameterResult(Result):

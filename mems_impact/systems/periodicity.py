@@ -31,8 +31,6 @@ from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.state import is_number
 from mems_impact.systems.validation import checked_functions, loaded, reachable_functions
 
-__all__ = ["check_autonomy", "check_forcing", "check_recurrence"]
-
 BLOCKS = 64  # parts of a run in which one phase is compared
 CONSECUTIVE_PERIODS = 64  # compared for motions without an end, before 2^n periods
 MAX_DOUBLINGS = 20

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["Result", "SummaryRepr", "check_kind", "deep_equal"]
-
 SAVED_TABLES_FIELD = "_attached"  # tables of a result loaded without its system's functions
 
 

@@ -17,20 +17,6 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 
-__all__ = [
-    "CHANGING",
-    "ENOUGH",
-    "FLUCTUATING",
-    "MAX_LAG",
-    "REACH",
-    "SETTLED",
-    "UNKNOWN",
-    "SequenceLimit",
-    "block_length",
-    "departs",
-    "limit_of",
-]
-
 SETTLED, CHANGING, FLUCTUATING, UNKNOWN = "settled", "changing", "fluctuating", "unknown"
 
 FEWEST, ENOUGH = 4, 28  # blocks of a sequence, and for the error of its limit

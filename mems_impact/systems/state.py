@@ -11,18 +11,6 @@ from typing import Any, Protocol
 from mems_impact._util.quantities import has_unit
 from mems_impact.errors import InvalidParameter
 
-__all__ = [
-    "Mode",
-    "NamedValues",
-    "State",
-    "interval",
-    "is_number",
-    "modes",
-    "positive",
-    "state_from",
-    "whole",
-]
-
 # --- Modes
 
 

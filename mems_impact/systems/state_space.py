@@ -23,8 +23,6 @@ from mems_impact.systems.components.assembly import Composition
 from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.state import State, is_number, state_from
 
-__all__ = ["FunctionStateSpace", "StateSpace"]
-
 PHASE_RTOL = 1e-12  # of a time, within which it has a phase
 START_TOLERANCE = 1e-9  # rounding error of a scaled state and of margins at the start of a run
 REST_STEP = 1e-4  # time for which the flow must keep a state at rest, in periods

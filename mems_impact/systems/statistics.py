@@ -34,23 +34,6 @@ from mems_impact.systems.window_statistics import (
 )
 from mems_impact.tables import unit_of
 
-__all__ = [
-    "CHAOTIC",
-    "FAILED",
-    "OFF",
-    "PERIODIC",
-    "QUASI_PERIODIC",
-    "RESTING",
-    "SAMPLES_PER_PERIOD",
-    "UNSETTLED",
-    "RunStatistics",
-    "SystemStatistics",
-    "closest_gap",
-    "counted_periods",
-    "largest_values",
-    "maxima",
-]
-
 # --- Maxima of states, along an arc or a run.
 
 SAMPLES_PER_PERIOD = 200  # between which maxima are located

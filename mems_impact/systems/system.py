@@ -44,8 +44,6 @@ from mems_impact.systems.typical_scales import typical_of
 from mems_impact.systems.units import Units
 from mems_impact.systems.validation import CHECK_OPTIONS, check_end, check_parted, check_run
 
-__all__ = ["System"]
-
 Number = float | Callable[..., float]
 
 

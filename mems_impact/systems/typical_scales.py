@@ -28,14 +28,6 @@ from mems_impact.hybrid.variational.tangents import STEP
 from mems_impact.integrators.options import Options
 from mems_impact.systems.observables import EventObserver
 
-__all__ = [
-    "SizeMonitor",
-    "of_units",
-    "typical_of",
-    "warn_if_badly_scaled_orbit",
-    "warn_if_below_differences",
-]
-
 # --- Warnings about poor scaling
 
 MIN_STATE_TOLERANCES = 1e3  # smallest magnitude of a well-scaled state, in absolute tolerances

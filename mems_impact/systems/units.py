@@ -10,8 +10,6 @@ from mems_impact._util.units import Scales
 from mems_impact.hybrid.definition import Typical
 from mems_impact.tables import name_of, unit_of
 
-__all__ = ["Conversion", "Units"]
-
 Conversion = Callable[[str, Any], Any]
 """Conversion of a number or a column of that heading to the units of tables."""
 

@@ -62,17 +62,6 @@ from mems_impact.integrators.python_functions import MARGINS
 from mems_impact.systems.description import SystemDescription
 from mems_impact.systems.observables import EventObserver, Observable
 
-__all__ = [
-    "check_end",
-    "check_parted",
-    "check_run",
-    "check_start_side",
-    "checked_functions",
-    "loaded",
-    "reachable_functions",
-    "warn_of_discontinuity",
-]
-
 # --- Side effects of functions
 
 COMPILED_LIBRARIES = ("numba", "numpy")  # compiled code never runs them

@@ -23,8 +23,6 @@ from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems.observables import EventObserver
 
-__all__ = ["Moments", "MotionTotals", "StatisticsAccumulator", "TimeWindow", "ratio", "where"]
-
 
 def where(condition: Any, value: Any, other: Any) -> Any:
     """Return `value` where a condition is true, else `other`; of numbers or of columns."""

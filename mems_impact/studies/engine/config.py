@@ -42,18 +42,6 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import Quantity
 from mems_impact.systems.state import State, is_number, state_from
 
-__all__ = [
-    "arguments_from",
-    "distributions",
-    "executor_named",
-    "optimize_from",
-    "orbit_from",
-    "orbit_sensitivity_study",
-    "range_axis",
-    "verb_arguments",
-    "verb_of",
-]
-
 # --- Sensitivities and optima of an orbit, from study files
 
 TRANSIENT = 300  # forcing periods before the search for an orbit

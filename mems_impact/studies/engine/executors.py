@@ -40,16 +40,6 @@ from mems_impact._util.warning_scopes import CollectedWarning, collected_warning
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies.engine.study import Chunk, Columns, Study
 
-__all__ = [
-    "ExecutorLost",
-    "Result",
-    "WorkerPool",
-    "cores",
-    "ignoring_ctrl_c",
-    "killed_by_its_chunk",
-    "stoppable_threads",
-]
-
 # --- Stoppable threads
 
 

@@ -35,8 +35,6 @@ from mems_impact.systems.state import whole
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["completed_study", "run_study"]
-
 POLL_SECONDS = 0.25  # s between two checks for completed parts
 RECOVERY_SECONDS = 10.0  # s in which a broken executor returns its parts
 MAX_WORKER_DEATHS = 3  # deaths of workers after which a chunk is abandoned

@@ -58,8 +58,6 @@ from mems_impact.studies.engine.study import (
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.serialization.archive import check_format, versions
 
-__all__ = ["ChunkStore", "MemoryStore", "StoredStudy", "open_store", "read_study"]
-
 # --- Differences of two studies
 
 CONTAINER_KINDS = ("dict", "list")  # internal names of `serialization.codec`, unknown to users

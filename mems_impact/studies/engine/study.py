@@ -13,20 +13,6 @@ from numpy.typing import NDArray
 
 from mems_impact._util.progress import Watch
 
-__all__ = [
-    "OK",
-    "STATUS",
-    "Chunk",
-    "Columns",
-    "Study",
-    "arranged",
-    "failures",
-    "frame",
-    "json_value",
-    "layout",
-    "row_label",
-]
-
 # --- Interface of studies
 
 Columns = dict[str, NDArray[Any]]  # columns of equal length by heading

@@ -43,8 +43,6 @@ from mems_impact.systems.components.statics import Holding
 from mems_impact.systems.components.switching_surface import SwitchingSurface
 from mems_impact.systems.state import Mode
 
-__all__ = ["AssembledSystem", "Composition", "assemble"]
-
 # --- Source code of the flow and of the selection of modes
 
 WORD = re.compile(r"[A-Za-z_]\w*")

@@ -19,18 +19,6 @@ from typing import Any, ClassVar
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.state import is_number
 
-__all__ = [
-    "ZERO_FORCE_RATIO",
-    "CodeNames",
-    "Constraint",
-    "Contact",
-    "ContactSides",
-    "GuardSpec",
-    "Limit",
-    "Part",
-    "Quantity",
-]
-
 # --- Parts
 
 Quantity = float | str | Callable[..., float]

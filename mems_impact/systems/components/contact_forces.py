@@ -12,8 +12,6 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.systems.components.base import ContactSides
 
-__all__ = ["ContactForces", "ForcedContact"]
-
 
 class ForcedContact(NamedTuple):
     """A contact, its two sides, and the modes of the system in which its force holds a body."""

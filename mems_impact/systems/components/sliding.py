@@ -35,8 +35,6 @@ from mems_impact.hybrid.event_loop.workspace import NO_FIT
 from mems_impact.systems.components.base import CodeNames
 from mems_impact.systems.components.switching_surface import ABOVE, BELOW, SLIDING, SwitchingSurface
 
-__all__ = ["Sliding", "SlidingMotions"]
-
 ALL_SURFACES = -2  # in place of a part whose mode is given
 START = -2  # in place of the part of an event
 ONE_SURFACE = "make them one SwitchingSurface, whose mode the flow reads for both"

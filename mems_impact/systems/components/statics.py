@@ -24,8 +24,6 @@ from dataclasses import dataclass
 from mems_impact.hybrid.definition import indented
 from mems_impact.systems.components.base import CodeNames, Contact, ContactSides
 
-__all__ = ["Holding"]
-
 # --- Graph of bodies and contacts
 
 _Node = int | None  # a body, by its velocity; None for the ground

@@ -17,18 +17,6 @@ from mems_impact.integrators.cvode.compiled import sundials_version
 from mems_impact.systems.serialization import STORABLE_MODULES
 from mems_impact.systems.serialization.codec import Writer
 
-__all__ = [
-    "DAMAGE_REMEDY",
-    "FILE_FORMAT",
-    "FILE_REMEDY",
-    "check_format",
-    "read_archive",
-    "register_storables",
-    "save",
-    "text_of_error",
-    "versions",
-]
-
 # Incremented with every change of the format; no other format is read.
 FILE_FORMAT = 5
 HEADER = "header.json"

@@ -22,8 +22,6 @@ import pandas as pd
 
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Reader", "Writer", "register"]
-
 MAX_INLINE_NUMBERS = 64  # of an array within the JSON text
 
 

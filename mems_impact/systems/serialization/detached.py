@@ -24,8 +24,6 @@ from mems_impact.systems.state_space import StateSpace
 from mems_impact.systems.statistics import SystemStatistics
 from mems_impact.systems.units import Units
 
-__all__ = ["DetachedSystem", "check_same_system", "describe"]
-
 COMPARED = ("states", "modes", "guards", "parameters", "observables", "units")
 TIME_RTOL = 1e-12  # relative difference of equal times, computed on another machine
 

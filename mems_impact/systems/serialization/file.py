@@ -20,8 +20,6 @@ from mems_impact.systems.serialization.archive import (
 )
 from mems_impact.systems.serialization.codec import Reader
 
-__all__ = ["load_result"]
-
 
 def load_result(path: str | PathLike[str], *, system: HybridSystem | None = None) -> Any:
     """Load a result, with `system` as in `mems_impact.load`; no code in the file is run."""

@@ -12,8 +12,6 @@ from mems_impact.systems.serialization.archive import register_storables
 from mems_impact.systems.serialization.codec import Writer
 from mems_impact.systems.state import State
 
-__all__ = ["identity", "identity_of_options", "identity_of_state"]
-
 
 def identity(system: HybridSystem) -> dict[str, Any]:
     """Return the identity of a system: its description, and a digest of its functions."""
