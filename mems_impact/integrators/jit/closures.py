@@ -36,8 +36,7 @@ from mems_impact.integrators.jit import (
     trigonometry,
     unset_variables,  # noqa: F401  # registers a rewrite
 )
-from mems_impact.integrators.jit.integer_arithmetic import CHECKED, COPIES
-from mems_impact.integrators.jit.numba_support import INNER, JIT, as_reals
+from mems_impact.integrators.jit.numba_support import CHECKED, COPIES, INNER, JIT, as_reals
 
 __all__ = ["try_compile"]
 

@@ -41,12 +41,10 @@ from numba.extending import (
     typeof_impl,
 )
 
-from mems_impact.integrators.jit.numba_support import FOR_C, INNER
+from mems_impact.integrators.jit.numba_support import CHECKED, COPIES, FOR_C, INNER
 
-__all__ = ["CHECKED", "COPIES", "OF_REALS", "TOO_LARGE", "power"]
+__all__ = ["OF_REALS", "TOO_LARGE", "power"]
 
-COPIES = "mems_impact.integrators.jit.closures"  # module of the copies of functions
-CHECKED = "mems_impact.integrators.jit"  # module of those of users' functions
 TOO_LARGE = "an integer exceeds the 64 bits of compiled integers"
 INEXACT = "an integer beyond 2**53 is compared with, or converted to, a real number"
 BITS = 63  # of the size of a compiled integer

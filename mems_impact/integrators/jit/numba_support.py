@@ -11,9 +11,11 @@ import sys
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 from llvmlite import ir
+from llvmlite.binding import Linkage
 from numba import config, njit, types
 from numba.core.caching import NullCache
 from numba.core.ccallback import CFunc
@@ -27,6 +29,9 @@ from mems_impact._util.garbage import pause_collection
 from mems_impact.errors import EngineUnavailable, FileNotWritten, InvalidFile
 from mems_impact.integrators.jit import machine_code
 
+COPIES = "mems_impact.integrators.jit.closures"  # module of the copies of functions
+CHECKED = "mems_impact.integrators.jit"  # module of those of users' functions
+
 # --- Options and pointers
 
 # Undocumented names of numba that `UnlinkedLibrary` uses.
@@ -39,8 +44,8 @@ _inlined: dict[str, int] = {}  # sizes of the others by their symbols
 class UnlinkedLibrary(JITCodeLibrary):
     """The code of a function that only other compiled code calls.
 
-    By default numba optimizes and translates every function by itself, and again within each
-    caller. Here only the outermost function is translated, which halves the time of the first run.
+    By default numba links, optimizes and translates every function by itself, and again within each
+    caller. Here only the outermost function is, which halves the time of the first run.
     """
 
     largest: float = INLINED
@@ -69,13 +74,27 @@ class UnlinkedLibrary(JITCodeLibrary):
         super().add_ir_module(module)
 
     def finalize(self) -> None:
-        """Link the called functions, without optimization and translation."""
+        """Leave links, optimization and translation to the outermost function."""
         self._raise_if_finalized()
-        for library in dict.fromkeys(self._linking_libraries):
+        for library in self._linking_libraries:
             if hasattr(library, "_reload_init"):  # of later versions
                 self._reload_init.update(library._reload_init)
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.external:
+                function.linkage = Linkage.linkonce_odr
         self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """Return the code of the function and of all functions that it calls."""
+        libraries, module = [self], self._final_module.clone()
+        for library in libraries:
+            if library is not self:
+                is_part = isinstance(library, UnlinkedLibrary)
+                part = library._final_module if is_part else library._get_module_for_linking()
+                module.link_in(part, preserve=True)
+            if isinstance(library, UnlinkedLibrary):
+                libraries += [each for each in library._linking_libraries if each not in libraries]
+        return module
 
     def get_pointer_to_function(self, name: str) -> int:
         """Return 0, since there is no machine code."""
@@ -99,6 +118,14 @@ class NoEnvironment:
 TANGENTS = re.compile(r"\bDual\((\d+)")  # in the names of types of dual numbers
 
 
+# Passes of numba that leave a function of the package unchanged unless it has inner functions.
+IDLE = {
+    "WithLifting", "InlineClosureLikes", "MakeFunctionToJitFunction", "InlineInlinables",
+    "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "InlineOverloads",
+    "NopythonRewrites", "DumpParforDiagnostics",
+}  # fmt: skip
+
+
 class _PartCompiler(Compiler):
     def define_pipelines(self) -> Any:
         codegen = self.state.targetctx.codegen()
@@ -106,7 +133,12 @@ class _PartCompiler(Compiler):
         widths = map(int, TANGENTS.findall(str(self.state.args)))
         if max(widths, default=1) > 1:  # a call would pass the tangents over the stack
             self.state.library.largest = math.inf
-        return super().define_pipelines()
+        pipelines, function = super().define_pipelines(), self.state.func_id
+        has_inner = any(isinstance(each, CodeType) for each in function.code.co_consts)
+        if function.modname != CHECKED and not has_inner:
+            for pipeline in pipelines:
+                pipeline.passes = [each for each in pipeline.passes if each[0].__name__ not in IDLE]
+        return pipelines
 
 
 class _KernelCompiler(_PartCompiler):

@@ -14,7 +14,7 @@ from numba.core.analysis import compute_cfg_from_blocks
 from numba.core.rewrites import Rewrite, register_rewrite
 from numba.extending import register_jitable
 
-from mems_impact.integrators.jit.integer_arithmetic import CHECKED
+from mems_impact.integrators.jit.numba_support import CHECKED
 
 
 @register_jitable
