@@ -188,7 +188,8 @@ class BlowCounter:
 class BlowTable:
     """The blows among events, one per row."""
 
-    first: Events  # their first impacts
+    rows: NDArray[np.int64]  # of their first impacts, among the events
+    first: Events  # these
     impacts: NDArray[np.int64]
     rests: NDArray[np.bool_]  # whether they end in rest on the stopper
     # Of the frame, until it rests or the next blow; NaN if neither has occurred.
@@ -203,6 +204,7 @@ def each_blow(events: Events, actuator: ActuatorParameters) -> BlowTable:
     begins = first == np.arange(len(log))
     ends = log.kind == workspace.ACCUMULATION
     return BlowTable(
+        rows=np.flatnonzero(_chosen(events))[begins],
         first=log[begins],
         impacts=_sums(first, ~ends)[begins].astype(np.int64),
         rests=_sums(first, ends)[begins] > 0.0,

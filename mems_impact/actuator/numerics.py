@@ -171,11 +171,7 @@ class ActuatorNumerics(HybridSystem, Generic[A]):
         for name in values:
             self.check_parameter(name)
         numbers = {name: self.units.parse(name, value) for name, value in values.items()}
-        drive_values, actuator_values, term_values = self._sorted(numbers, checked=True)
-        drive = self.drive.varied(drive_values) if drive_values else self.drive
-        if term_values:
-            actuator_values["terms"] = self._terms(term_values)
-        actuator = self.actuator.replace(**actuator_values) if actuator_values else self.actuator
+        actuator, drive = self._moved(numbers, checked=True)
         return self._with(actuator, drive, actuator.scales)
 
     def shifted(self, values: Mapping[str, float]) -> Self:
@@ -183,15 +179,16 @@ class ActuatorNumerics(HybridSystem, Generic[A]):
 
         Finite differences at the end of a parameter's range go beyond it, as do trial steps.
         """
-        drive_values, actuator_values, term_values = self._sorted(values)
-        actuator, drive = self.actuator, self.drive
-        if drive_values:
-            drive = drive.varied(drive_values, checked=False)
-        if term_values:
-            actuator_values["terms"] = self._terms(term_values, checked=False)
-        if actuator_values:
-            actuator = actuator.replace_unchecked(**actuator_values)
-        return self._with(actuator, drive, self._scales)
+        return self._with(*self._moved(values, checked=False), self._scales)
+
+    def _moved(self, values: Mapping[str, float], *, checked: bool) -> tuple[A, Drive]:
+        """Return actuator and drive at other values, out of range only if not `checked`."""
+        of_drive, of_actuator, of_terms = self._sorted(values, checked=checked)
+        drive = self.drive.varied(of_drive, checked=checked) if of_drive else self.drive
+        if of_terms:
+            of_actuator["terms"] = self._terms(of_terms, checked=checked)
+        replace = self.actuator.replace if checked else self.actuator.replace_unchecked
+        return replace(**of_actuator) if of_actuator else self.actuator, drive
 
     def _with(self, actuator: Any, drive: Drive, scales: Scales) -> Self:
         """Return the system of another actuator and drive, without validation."""

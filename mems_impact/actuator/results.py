@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator.automaton import RIGHT_IMPACT
@@ -63,34 +62,6 @@ def impacts(
         "x1": rows.after[:, X1],
         **labels.state_space.derived_columns(rows.cycle, rows.time, rows.after),
         "step": steps,
-    }
-    return table(columns, labels)
-
-
-def blows(
-    first: Events,
-    impacts: NDArray[np.int64],
-    rests: NDArray[np.bool_],
-    displacement: Floats,
-    energy: Floats,
-    period: float,
-    labels: Labels,
-) -> pd.DataFrame:
-    """Return one row per blow, from their first impacts.
-
-    Each blow has a number of `impacts`, ends in rest on the stopper or not, displaces the frame and
-    loses kinetic energy; `period` is the forcing period.
-    """
-    columns = {
-        **time_columns(first.cycle, first.time, period, labels),
-        "phase": first.time / period,
-        "stopper": _stopper(first),
-        "impacts": impacts,
-        "ends in rest": rests,
-        "v2 before": first.before[:, V2],
-        "energy lost": energy,
-        "x1": first.after[:, X1],
-        "displacement": displacement,
     }
     return table(columns, labels)
 
@@ -210,10 +181,19 @@ class ActuatorRun(_OfActuator[A], Run):
         """
         actuator, period = self.system.inner_actuator, self.trajectory.period
         each = each_blow(RestDetector(actuator, period)(self._log("blows")), actuator)
-        return blows(
-            each.first, each.impacts, each.rests, each.displacement, each.energy, period,
-            self.system,
-        )  # fmt: skip
+        first = each.first
+        columns = {
+            **time_columns(first.cycle, first.time, period, self.system),
+            "phase": first.time / period,
+            "stopper": _stopper(first),
+            "impacts": each.impacts,
+            "ends in rest": each.rests,
+            "v2 before": first.before[:, V2],
+            "energy lost": each.energy,
+            "x1": first.after[:, X1],
+            "displacement": each.displacement,
+        }
+        return table(columns, self.system)
 
     @property
     def blow_statistics(self) -> BlowStatistics:

@@ -368,16 +368,12 @@ def bounce_height(
         return 0.25 * speed * length  # of a parabola
     end = HybridState(end.cycle, end.time, int(log.mode_before[returns]), log.before[returns])
     count = math.ceil(FLIGHT_SAMPLES * period / length)
-    y = resample(trajectory.problem, start, end, count).y
-    x2 = np.concatenate([[start.y[X2]], y[:, X2], [end.y[X2]]])
-    v2 = np.concatenate([[start.y[V2]], y[:, V2], [end.y[V2]]])
-    minima = np.flatnonzero((side * v2[:-1] < 0.0) & (side * v2[1:] >= 0.0))
-    step = period / count
-    # Cubic Hermite interpolation around each turning point.
-    heights = [float((delta - side * x2).max())]
-    for i in minima.tolist():
-        if 0 < i < x2.size - 2:
-            piece = CubicHermiteSpline([0.0, step], x2[i : i + 2], v2[i : i + 2])
-            roots = piece.derivative().roots(extrapolate=False)
-            heights += (delta - side * piece(roots)).tolist()
-    return max(heights)
+    grid = resample(trajectory.problem, start, end, count)
+    elapsed = (grid.cycle - start.cycle) * period + grid.time - start.time
+    within = (elapsed > 0.0) & (elapsed < length)
+    y = np.vstack([start.y, grid.y[within], end.y])
+    positions = side * y[:, X2]
+    path = CubicHermiteSpline([0.0, *elapsed[within], length], positions, side * y[:, V2])
+    turns = path.derivative().roots(extrapolate=False)
+    lowest = path(turns[np.isfinite(turns)]).min(initial=float(positions.min()))
+    return delta - float(lowest)

@@ -81,50 +81,25 @@ class PowerLaw(Relation):
             return None
 
 
-class TotalMass(Relation):
-    """The sum of the two masses."""
+class Formulas(Relation):
+    """An equation by the formula of each of its quantities."""
 
-    names = ("total_mass", "frame_mass", "proof_mass")
-
-    def solve(self, name: str, values: Mapping[str, float]) -> float | None:
-        """Return one of the masses."""
-        if name == "total_mass":
-            return values["frame_mass"] + values["proof_mass"]
-        other = "proof_mass" if name == "frame_mass" else "frame_mass"
-        return values["total_mass"] - values[other]
-
-
-class NormalForce(Relation):
-    """The sum of the weight and the force of clamps."""
-
-    names = ("normal_force", "total_mass", "gravity", "clamp_force")
+    def __init__(self, **formulas: Callable[[Mapping[str, float]], float]) -> None:
+        self.formulas, self.names = formulas, tuple(formulas)
 
     def solve(self, name: str, values: Mapping[str, float]) -> float | None:
-        """Return one of the two forces, or a factor of the weight."""
-        if name == "normal_force":
-            return values["total_mass"] * values["gravity"] + values["clamp_force"]
-        if name == "clamp_force":
-            weight = values["total_mass"] * values["gravity"]
-            clamp = values["normal_force"] - weight
-            return 0.0 if abs(clamp) <= CONSISTENT_RTOL * weight else clamp
-        other = values["gravity" if name == "total_mass" else "total_mass"]
-        weight = values["normal_force"] - values["clamp_force"]
-        return weight / other if other > 0.0 else None
+        """Return the quantity `name` from all others; None if they do not determine it."""
+        try:
+            return self.formulas[name](values)
+        except ZeroDivisionError:
+            return None
 
 
-class MassShare(Relation):
-    """The sum of the two masses, by their ratio."""
-
-    names = ("total_mass", "proof_mass", "mass_ratio")
-
-    def solve(self, name: str, values: Mapping[str, float]) -> float | None:
-        """Return one of the masses, or the ratio."""
-        if name == "mass_ratio":
-            return values["total_mass"] / values["proof_mass"] - 1.0
-        share = 1.0 + values["mass_ratio"]
-        if name == "total_mass":
-            return share * values["proof_mass"]
-        return values["total_mass"] / share
+def _clamp(values: Mapping[str, float]) -> float:
+    """Return the force of clamps, 0 unless it is above rounding."""
+    weight = values["total_mass"] * values["gravity"]
+    clamp = values["normal_force"] - weight
+    return 0.0 if abs(clamp) <= CONSISTENT_RTOL * weight else clamp
 
 
 class HoldingVoltage(Relation):
@@ -174,15 +149,28 @@ class HoldingVoltage(Relation):
 
 
 RELATIONS: tuple[Relation, ...] = (
-    TotalMass(),
-    MassShare(),
+    Formulas(
+        total_mass=lambda v: v["frame_mass"] + v["proof_mass"],
+        frame_mass=lambda v: v["total_mass"] - v["proof_mass"],
+        proof_mass=lambda v: v["total_mass"] - v["frame_mass"],
+    ),
+    Formulas(
+        total_mass=lambda v: (1.0 + v["mass_ratio"]) * v["proof_mass"],
+        proof_mass=lambda v: v["total_mass"] / (1.0 + v["mass_ratio"]),
+        mass_ratio=lambda v: v["total_mass"] / v["proof_mass"] - 1.0,
+    ),
     PowerLaw(1.0, mass_ratio=1, proof_mass=1, frame_mass=-1),
     PowerLaw((2.0 * math.pi) ** -2, frequency=2, proof_mass=1, stiffness=-1),
     PowerLaw(1.0, quality=1, damping=1, stiffness=-0.5, proof_mass=-0.5),
     PowerLaw(0.5, quality=1, damping_ratio=1),
     PowerLaw(0.5, damping_ratio=1, damping=-1, stiffness=0.5, proof_mass=0.5),
     PowerLaw(2.0 / PERMITTIVITY, electrode_area=1, electrode_constant=-1),
-    NormalForce(),
+    Formulas(
+        normal_force=lambda v: v["total_mass"] * v["gravity"] + v["clamp_force"],
+        total_mass=lambda v: (v["normal_force"] - v["clamp_force"]) / v["gravity"],
+        gravity=lambda v: (v["normal_force"] - v["clamp_force"]) / v["total_mass"],
+        clamp_force=_clamp,
+    ),
     PowerLaw(1.0, static_friction=1, normal_force=1, static_friction_force=-1),
     PowerLaw(1.0, dynamic_friction=1, normal_force=1, dynamic_friction_force=-1),
 )

@@ -16,7 +16,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact.actuator import impact_law
 from mems_impact.actuator.energy_accounting import SUMMED, EnergyAccounts, accounts
 from mems_impact.actuator.equations import V1, V2
-from mems_impact.actuator.impact_statistics import each_blow, is_impact
+from mems_impact.actuator.impact_statistics import each_blow
 from mems_impact.actuator.numerics import ActuatorNumerics
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
@@ -112,6 +112,7 @@ def arcs_of_orbit(orbit: Any) -> Iterator[EnergyArc]:
 # --- Work and losses along the arcs of a run or an orbit
 
 IMPACT_LABEL = "impacts"
+WORK, SLIP = "work", "slip"  # of the electrodes on the block, path of the frame
 MIN_STRETCH_PERIODS = 1e-12  # of a period: shorter segments are not cut
 
 
@@ -119,11 +120,9 @@ MIN_STRETCH_PERIODS = 1e-12  # of a period: shorter segments are not cut
 class WorkSums:
     """Losses and stored energies at the start and end of arcs; in scaled units."""
 
-    columns: tuple[str, ...]  # of `sums`: "lost ..." and "stored ..."
+    columns: tuple[str, ...]  # of `sums`: "work", "slip", "lost ..." and "stored ..."
     instants: Floats  # in forcing periods, ascending, shape (k,); twice at an impact
-    work: Floats  # of the electrodes on the block since the beginning, shape (k,)
-    slip: Floats  # total slip path of the frame since the beginning, shape (k,)
-    sums: Floats  # losses since the beginning, and energies stored, shape (k, columns)
+    sums: Floats  # integrals since the beginning, and energies stored, shape (k, columns)
     # Rows at which a period ("period") or a blow ("blow") begins.
     marks: Mapping[str, NDArray[np.int64]]
 
@@ -155,12 +154,11 @@ class ArcNotes:
         first = problem.parameters.size - drive.parameters().size
         self.voltages, self.first = (drive.voltage, drive.left_voltage), first
         losses = (*SUMMED[2:], *accounts.dissipation, IMPACT_LABEL)
-        self.columns = tuple(
-            [f"lost {name}" for name in losses] + [f"stored {name}" for name in accounts.stored]
-        )
+        self.columns = (
+            WORK, SLIP, *(f"lost {name}" for name in losses),
+            *(f"stored {name}" for name in accounts.stored),
+        )  # fmt: skip
         self.instants: list[float] = []
-        self.work: list[float] = []
-        self.slip: list[float] = []
         self.sums: list[list[float]] = []
         self.summed = np.zeros(2 + len(losses))  # work of the electrodes and slip path first
 
@@ -169,11 +167,9 @@ class ArcNotes:
         p = self.problem.parameters
         q = p[self.first :]
         v, w = (0.0 if each is None else each(now.time, q) for each in self.voltages)
-        work, slip, *losses = self.summed.tolist()
         self.instants.append(now.cycle + now.time / self.problem.period)
-        self.work.append(work)
-        self.slip.append(slip)
-        self.sums.append([*losses, *(float(energy(v, w, now.y, p)) for energy in self.stored)])
+        stored = (float(energy(v, w, now.y, p)) for energy in self.stored)
+        self.sums.append([*self.summed.tolist(), *stored])
         return len(self.instants) - 1
 
     def follow(self, now: HybridState, length: float, *, summing: bool) -> Floats:
@@ -235,8 +231,6 @@ def summed(
     return WorkSums(
         columns=rows.columns,
         instants=np.array(rows.instants),
-        work=np.array(rows.work),
-        slip=np.array(rows.slip),
         sums=np.array(rows.sums),
         marks={name: np.array(each, dtype=np.int64) for name, each in marks.items()},
     )
@@ -330,9 +324,8 @@ class Energy(Result):
     @property
     def slip_path(self) -> float:
         """Total slip path of the frame."""
-        return float(
-            self.system.units.scales.out(self.sums.slip[self.end] - self.sums.slip[0], "m")
-        )
+        slip = self.sums.sums[:, self.sums.columns.index(SLIP)]
+        return float(self.system.units.scales.out(slip[self.end] - slip[0], "m"))
 
     @property
     def efficiency(self) -> float:
@@ -403,10 +396,11 @@ class Energy(Result):
 
     def _between(self, begin: int, end: int) -> dict[tuple[str, str], float]:
         """Return the change of each account between two rows, in the units of the device."""
-        accounts, rows, work = self._accounts, self.sums.sums, self.sums.work
+        accounts, rows = self._accounts, self.sums.sums
         changes = self.system.units.scales.out(rows[end] - rows[begin], "J")
         change = dict(zip(self.sums.columns, changes.tolist(), strict=True))
-        supplied = float(self.system.units.scales.out(work[end] - work[begin], "J"))
+        del change[SLIP]  # no energy
+        supplied = change.pop(WORK)
         supplied += sum(change[f"lost {name}"] for name in accounts.at_electrodes)
         supplied += sum(change[f"stored {name}"] for name in accounts.fields)
         totals = {("in", "electrodes"): supplied}
@@ -529,8 +523,6 @@ def _with_next_blow(sums: WorkSums, length: float) -> WorkSums:
     return replace(
         sums,
         instants=np.append(sums.instants, sums.instants[row] + length),
-        work=np.append(sums.work, sums.work[row] + sums.work[-1] - sums.work[0]),
-        slip=np.append(sums.slip, sums.slip[row] + sums.slip[-1] - sums.slip[0]),
         sums=np.vstack([sums.sums, sums.sums[row] + sums.sums[-1] - sums.sums[0]]),
         marks={**sums.marks, "blow": np.append(begins, sums.instants.size)},
     )
@@ -538,8 +530,4 @@ def _with_next_blow(sums: WorkSums, length: float) -> WorkSums:
 
 def _beginnings(log: Events, system: ActuatorNumerics) -> set[int]:
     """Return the rows of the first impacts of blows."""
-    first = each_blow(log, system.inner_actuator).first
-    begins = set(zip(first.cycle.tolist(), first.time.tolist(), first.guard.tolist(), strict=True))
-    rows = zip(log.cycle.tolist(), log.time.tolist(), log.guard.tolist(), strict=True)
-    impact = is_impact(log).tolist()
-    return {row for row, key in enumerate(rows) if impact[row] and key in begins}
+    return set(each_blow(log, system.inner_actuator).rows.tolist())

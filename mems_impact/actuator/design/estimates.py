@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from mems_impact._util.bisection import bisect
 from mems_impact.actuator.design.static_forces import StaticForces, holding_voltage
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.parameters import ActuatorParameters
@@ -150,19 +151,16 @@ def _dynamic_pull_in(actuator: ActuatorParameters) -> float:
     held_frame = actuator.replace_unchecked(mu_s=HOLDING_FRICTION, mu_d=HOLDING_FRICTION, g=gravity)
     omega = math.sqrt(actuator.k / actuator.m2)
 
-    def strikes(voltage: float) -> bool:
+    def rests(voltage: float) -> bool:
         drive = Sine(amplitude=0.0, omega=omega, bias=voltage)
         system = ActuatorSystem(held_frame, drive)
         run = simulate(system, DYNAMIC_PERIODS, keep="statistics", window=(0, DYNAMIC_PERIODS))
-        return bool(run._scaled_statistics["impacts"] > 0)
+        return bool(run._scaled_statistics["impacts"] == 0)
 
-    low, high = 0.0, pull_in_voltage(actuator)
-    if high == 0.0:
+    static = pull_in_voltage(actuator)
+    if static == 0.0:
         return 0.0
-    while high - low > DYNAMIC_RTOL * high:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if strikes(middle) else (middle, high)
-    return high
+    return bisect(rests, 0.0, static, DYNAMIC_RTOL * static)[1]
 
 
 def resting_voltage(actuator: ActuatorParameters) -> float:

@@ -176,6 +176,8 @@ class Drive(Varied, ABC):
         if math.isnan(getattr(self, "omega", 0.0)):
             problem = "missing, must be a finite number > 0"
             raise InvalidParameter("omega", None, "", problem=problem)
+        if not math.isfinite(2.0 * math.pi / getattr(self, "omega", 1.0)):
+            raise InvalidParameter("omega", self.omega, "large enough for a finite period")  # type: ignore[attr-defined]
         return self
 
     def _replaced(self, changes: Mapping[str, Any]) -> dict[str, Any]:

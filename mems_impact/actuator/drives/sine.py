@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import model_validator
 
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
-from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import ProblemParameters
 
 __all__ = ["Sine"]
@@ -76,13 +74,6 @@ class Sine(Drive):
 
     voltage = staticmethod(_sine_voltage)
     voltage_rate = staticmethod(_sine_voltage_rate)
-
-    @model_validator(mode="after")
-    def _check_period(self) -> Self:
-        if not math.isfinite(self.period):
-            allowed = "large enough for a finite period"
-            raise InvalidParameter("omega", self.omega, allowed)
-        return self
 
     @property
     def period(self) -> float:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.optimize import brentq, minimize_scalar
 
+from mems_impact._util.bisection import bisect
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.piecewise import COUNT, FIRST, PERIOD, fold, piece_at
 from mems_impact.actuator.parameter_base import Positive, Unit
@@ -203,15 +204,13 @@ class SlewedSide:
             start = float(brentq(gain, -self.scale, self.scale, xtol=tolerance))
             return self._period_output(start)[0]
         is_rising = gain(start) > 0.0
-        near, far = start, self.scale if is_rising else -self.scale
-        while abs(far - near) > tolerance:
-            middle = 0.5 * (near + far)
-            change = gain(middle)
-            if abs(change) > tolerance and (change > 0.0) == is_rising:
-                near = middle
-            else:
-                far = middle
-        return self._period_output(far)[0]
+        far = self.scale if is_rising else -self.scale
+
+        def moves(value: float) -> bool:
+            change = gain(value)
+            return abs(change) > tolerance and (change > 0.0) == is_rising
+
+        return self._period_output(bisect(moves, start, far, tolerance)[1])[0]
 
     def switches(self, pieces: list[OutputPiece]) -> set[float]:
         """Return the switching times of these pieces."""

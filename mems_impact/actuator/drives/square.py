@@ -73,8 +73,6 @@ class Square(PiecewiseDrive):
     @model_validator(mode="after")
     def _check_times(self) -> Self:
         wave_period = 2.0 * math.pi / self.omega
-        if not math.isfinite(wave_period):
-            raise InvalidParameter("omega", self.omega, "large enough for a finite period")
         if not min(self.duty, 1.0 - self.duty) > MIN_PIECE_PERIODS:
             raise InvalidParameter("duty", self.duty, "a finite number > 0 and < 1")
         max_rise = min(self.duty, 1.0 - self.duty) * wave_period

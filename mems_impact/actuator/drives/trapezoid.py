@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Self
+from typing import Annotated
 
 from annotated_types import Ge, Lt
-from pydantic import model_validator
 
 from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
-from mems_impact.errors import InvalidParameter
 
 __all__ = ["Trapezoid"]
 
@@ -58,12 +56,6 @@ class Trapezoid(PiecewiseDrive):
     bias: Annotated[Number, Unit("V")] = 0.0
     phase: Number = 0.0
     frequency: Annotated[Positive | None, Unit("Hz")] = None
-
-    @model_validator(mode="after")
-    def _check_period(self) -> Self:
-        if not math.isfinite(2.0 * math.pi / self.omega):
-            raise InvalidParameter("omega", self.omega, "large enough for a finite period")
-        return self
 
     @property
     def period(self) -> float:
