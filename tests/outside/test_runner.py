@@ -60,17 +60,38 @@ def test_record_replaces_the_lines_of_one_suite(tmp_path, monkeypatch):
     assert lines == [",".join(tables.HEADER), "one,x", "two,new"]
 
 
-def test_petsc(tmp_path, capsys):
-    """Zeros of sin(pi t), one of them wrong in the second output."""
-    folder = tmp_path / "src/ts/event/tests/output"
-    folder.mkdir(parents=True)
-    lines = [f"0\t{zero}\t1e-9\tpass\n" for zero in range(1, 11)]
-    (folder / "ex1sin_0.out").write_text("".join(lines))
-    (folder / "ex1sin_n.out").write_text("".join(lines))
-    arguments = ["petsc", "--source", str(tmp_path), "--output", str(tmp_path / "out")]
+ZEROS = "".join(f"0\t{zero}\t1e-9\tpass\n" for zero in range(1, 11))  # of sin(pi t)
+HITS = "Ball hit the ground at t =  4.08 seconds\nBall hit the ground at t =  7.76 seconds\n"
+ASSERTIONS = "assert abs(y[-1][0] - 8.0) < 1e-6\n    assert abs(y[-1][1] - 3.0) < 1e-6\n"
+
+
+@pytest.mark.parametrize(
+    ("suite", "folder", "right", "wrong"),
+    [
+        ("petsc", "src/ts/event/tests/output", {"ex1sin_0.out": ZEROS}, {"ex1sin_n.out": ZEROS}),
+        (
+            "petsc",
+            "src/ts/tutorials/output",
+            {"ex40.out": HITS},
+            {"ex40_m.out": HITS.replace("7.76", "7.78")},
+        ),
+        (
+            "assimulo",
+            "examples",
+            {"euler_with_disc.py": ASSERTIONS},
+            {"ida_with_disc.py": ASSERTIONS.replace("3.0", "3.1")},
+        ),
+    ],
+    ids=["zeros", "bouncing balls", "assimulo"],
+)
+def test_a_wrong_number_fails(suite, folder, right, wrong, tmp_path, capsys):
+    (tmp_path / folder).mkdir(parents=True)
+    for name, text in (right | wrong).items():
+        (tmp_path / folder / name).write_text(text)
+    arguments = [suite, "--source", str(tmp_path), "--output", str(tmp_path / "out")]
     assert runner.main(arguments) == 1
-    verdicts = [line.split(",")[1:3] for line in (tmp_path / "out/petsc.csv").open()][1:]
-    assert verdicts == [["ex1sin_0", "passed"], ["ex1sin_n", "failed"]]  # five zeros fall
+    lines = (tmp_path / f"out/{suite}.csv").read_text().splitlines()[1:]
+    assert [line.split(",")[2] for line in lines] == ["passed", "failed"]
     assert "2, 1, 1" in capsys.readouterr().out
 
 
