@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -29,15 +28,15 @@ from mems_impact.studies.attractor_matching import (
     bounds_of,
     unique_labels,
 )
-from mems_impact.studies.attractor_study import AttractorEvaluator, motions
+from mems_impact.studies.attractor_study import AttractorEvaluator, AttractorStudy, motions
 from mems_impact.studies.basins import Basins, BasinsStudy
 from mems_impact.studies.engine.scheduler import completed_study, run_study
-from mems_impact.studies.engine.study import OK, STATUS, Columns, Study, row_label
+from mems_impact.studies.engine.study import OK, STATUS, Columns
 from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
 from mems_impact.systems.parameter_result import ParameterResult
 from mems_impact.systems.result import check_kind
 from mems_impact.systems.serialization.identity import identity_of_state
-from mems_impact.systems.state import State, state_from
+from mems_impact.systems.state import State, at_same_phase, state_from
 from mems_impact.systems.statistics import FAILED
 from mems_impact.tables import merged_columns
 
@@ -177,13 +176,12 @@ def _summary(table: pd.DataFrame, ends: dict[tuple[str, int], str], parameter: s
 
 
 @dataclass(frozen=True, kw_only=True)
-class AttractorContinuationStudy(Study):
+class AttractorContinuationStudy(AttractorStudy):
     """Each attractor continued upwards, then downwards, from the system's own value."""
 
     over: Axis  # the parameter, and its values in ascending order
     names: tuple[str, ...]  # of the attractors
     states: tuple[State, ...]  # one of each attractor
-    measuring: AttractorEvaluator  # of the system at its own value
     recognition: AttractorMatcher
 
     kind: ClassVar[str] = "continue_attractors"
@@ -193,11 +191,6 @@ class AttractorContinuationStudy(Study):
     def points(self) -> int:
         """Number of points."""
         return len(self.names) * len(self.over.values)
-
-    @property
-    def threaded(self) -> bool:
-        """Whether threads may compute points in parallel."""
-        return self.measuring.threaded
 
     @property
     def upwards(self) -> tuple[float, ...]:
@@ -231,15 +224,6 @@ class AttractorContinuationStudy(Study):
         first = {self.over.name: "float", ATTRACTOR: "str", REVERSIBLE: "bool"}
         return merged_columns(first, schema, self.recognition.schema, status)
 
-    @property
-    def attrs(self) -> Mapping[str, Any]:
-        """Units and captions of the table."""
-        return self.measuring.attrs(tuple(self.schema))
-
-    def prepare(self) -> None:
-        """Compile the code that points need."""
-        self.measuring.prepare()
-
     def compute(
         self, first: int, last: int, carried: Any = None, watch: Watch | None = None
     ) -> tuple[Columns, Any]:
@@ -263,27 +247,22 @@ class AttractorContinuationStudy(Study):
             rows.append(attractor)
             if attractor.final is not None:
                 state, value, before = attractor.final, new, attractor
-        columns = {**self.measuring.columns(rows), **self.recognition.columns(rows)}
-        identity = self._identity_columns(first, last)
-        carried = {"state": state.parts(), "value": value}
-        return {**identity, **columns, REVERSIBLE: np.array(follows)}, carried
+        columns = {**self._columns(first, last, rows), REVERSIBLE: np.array(follows)}
+        return columns, {"state": state.parts(), "value": value}
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return the rows of points that failed."""
-        attractors = self.measuring.failed_attractors(last - first, reason)
-        columns = {**self.measuring.columns(attractors), **self.recognition.columns(attractors)}
-        follows = np.full(last - first, False)
-        return {**self._identity_columns(first, last), **columns, REVERSIBLE: follows}
+        return {**super().failed(first, last, reason), REVERSIBLE: np.full(last - first, False)}
+
+    def _attractor_columns(self, attractors: Sequence[Attractor]) -> Columns:
+        columns = super()._attractor_columns(attractors)
+        return {**columns, **self.recognition.columns(attractors)}
 
     def _identity_columns(self, first: int, last: int) -> Columns:
         numbers = range(first, last)
         names = [self.names[number // len(self.over.values)] for number in numbers]
         values = np.array([self._value(number) for number in numbers])
         return {self.over.name: values, ATTRACTOR: np.array(names, dtype=object)}
-
-    def point_label(self, number: int) -> str:
-        """Return the name of a point in messages."""
-        return row_label(self._identity_columns(number, number + 1))
 
     def _value(self, number: int) -> float:
         position, up = number % len(self.over.values), len(self.upwards)
@@ -299,8 +278,10 @@ class AttractorContinuationStudy(Study):
         """Return the attractor at a value, started from a final state at another value."""
 
         def case(_number: int) -> InitialCondition:
-            system = self.measuring.system.changed(**{self.over.name: value})
-            return InitialCondition(system, self._phased(state, before, value))
+            own, name = self.measuring.system, self.over.name
+            system = own.changed(**{name: value})
+            old = own.shifted({name: before}).forcing_period or 1.0
+            return InitialCondition(system, at_same_phase(state, old, system.forcing_period or 1.0))
 
         return self.measuring.follow_numbered(range(1), case)[0]
 
@@ -311,18 +292,8 @@ class AttractorContinuationStudy(Study):
         assert attractor.final is not None
         back = self._at(value, attractor.final, target)
         pair = [before, back]
-        columns = {**self.measuring.columns(pair), **self.recognition.columns(pair)}
-        labels = self.recognition.labels(columns, {})
+        labels = self.recognition.labels(self._attractor_columns(pair), {})
         return bool(labels[0] == labels[1] >= 0)
-
-    def _phased(self, state: State, old: float, new: float) -> State:
-        """Return a state at the same phase of a forcing whose period may have changed."""
-        system, name = self.measuring.system, self.over.name
-        if not system.forced or old == new:
-            return state
-        periods = [system.shifted({name: value}).forcing_period for value in (old, new)]
-        before, after = (period or 1.0 for period in periods)
-        return state.replace(time=min(state.time / before * after, math.nextafter(after, 0.0)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

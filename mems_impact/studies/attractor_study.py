@@ -204,10 +204,6 @@ class AttractorEvaluator:
         columns[STATUS] = _text_column([each.status for each in attractors])
         return columns
 
-    def failed_attractors(self, count: int, reason: str) -> list[Attractor]:
-        """Return the values that represent failed points."""
-        return [Attractor(motion=FAILED, status=reason)] * count
-
     def prepare(self) -> None:
         """Compile the code that points need, once in a process."""
         problem = self.system.problem(self.options)
@@ -233,27 +229,19 @@ class AttractorStudy(Study):
         """Whether threads may compute points in parallel."""
         return self.measuring.threaded
 
+    @property
+    def attrs(self) -> Mapping[str, Any]:
+        """Units and captions of the table."""
+        return self.measuring.attrs(tuple(self.schema))
+
     def prepare(self) -> None:
         """Compile the code that points need."""
         self.measuring.prepare()
 
-    def compute(
-        self, first: int, last: int, carried: Any = None, watch: Watch | None = None
-    ) -> tuple[Columns, Any]:
-        """Compute some points; see `Study`."""
-        with pause_collection():
-            attractors = self.measuring.follow_numbered(range(first, last), self._case, watch)
-            identity = self._identity_columns(first, last)
-            return {**identity, **self._attractor_columns(attractors)}, None
-
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return the rows of points that failed."""
-        attractors = self.measuring.failed_attractors(last - first, reason)
-        return {**self._identity_columns(first, last), **self._attractor_columns(attractors)}
-
-    @abstractmethod
-    def _case(self, number: int) -> InitialCondition:
-        """Return a point; InvalidParameter if it is not allowed."""
+        attractors = [Attractor(motion=FAILED, status=reason)] * (last - first)
+        return self._columns(first, last, attractors)
 
     def point_label(self, number: int) -> str:
         """Return the name of a point in messages."""
@@ -266,3 +254,23 @@ class AttractorStudy(Study):
     def _attractor_columns(self, attractors: Sequence[Attractor]) -> Columns:
         """Return the columns that describe attractors."""
         return self.measuring.columns(attractors)
+
+    def _columns(self, first: int, last: int, attractors: Sequence[Attractor]) -> Columns:
+        return {**self._identity_columns(first, last), **self._attractor_columns(attractors)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class IndependentAttractors(AttractorStudy):
+    """A study of motions that do not depend on each other."""
+
+    def compute(
+        self, first: int, last: int, carried: Any = None, watch: Watch | None = None
+    ) -> tuple[Columns, Any]:
+        """Compute some points; see `Study`."""
+        with pause_collection():
+            attractors = self.measuring.follow_numbered(range(first, last), self._case, watch)
+            return self._columns(first, last, attractors), None
+
+    @abstractmethod
+    def _case(self, number: int) -> InitialCondition:
+        """Return a point; InvalidParameter if it is not allowed."""

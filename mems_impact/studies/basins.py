@@ -22,7 +22,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies import attractor_matching
 from mems_impact.studies.attractor_matching import AttractorMatcher
-from mems_impact.studies.attractor_study import AttractorEvaluator, AttractorStudy
+from mems_impact.studies.attractor_study import AttractorEvaluator, IndependentAttractors
 from mems_impact.studies.basin_entropy import (
     BasinEntropy,
     UncertaintyExponent,
@@ -55,7 +55,7 @@ ATTRACTOR = attractor_matching.ATTRACTOR
 
 
 @dataclass(frozen=True, kw_only=True)
-class BasinsStudy(AttractorStudy):
+class BasinsStudy(IndependentAttractors):
     """Motions of one system from many states."""
 
     starts: InitialConditions
@@ -88,8 +88,7 @@ class BasinsStudy(AttractorStudy):
     @property
     def attrs(self) -> Mapping[str, Any]:
         """Units and captions of the table."""
-        attrs = self.measuring.attrs(tuple(self.schema))
-        return {**attrs, "starts": list(self.starts.names)}
+        return {**super().attrs, "starts": list(self.starts.names)}
 
     def _case(self, number: int) -> InitialCondition:
         values = self.starts.points[number].tolist()
@@ -97,7 +96,8 @@ class BasinsStudy(AttractorStudy):
         return InitialCondition(self.measuring.system, start)
 
     def _attractor_columns(self, attractors: Sequence[Attractor]) -> Columns:
-        return {**self.measuring.columns(attractors), **self.recognition.columns(attractors)}
+        columns = super()._attractor_columns(attractors)
+        return {**columns, **self.recognition.columns(attractors)}
 
     def _identity_columns(self, first: int, last: int) -> Columns:
         return dict(zip(self.starts.names, self.starts.points[first:last].T, strict=True))

@@ -16,7 +16,7 @@ from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.attractor_study import (
     AttractorEvaluator,
-    AttractorStudy,
+    IndependentAttractors,
     counted_motions,
     map_summary,
 )
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapStudy(AttractorStudy):
+class MapStudy(IndependentAttractors):
     """The points of an operating map; x varies fastest."""
 
     x: Axis
@@ -71,8 +71,7 @@ class MapStudy(AttractorStudy):
     @property
     def attrs(self) -> Mapping[str, Any]:
         """Units and captions of the table."""
-        attrs = self.measuring.attrs(tuple(self.schema))
-        return {**attrs, "x": self.x.name, "y": self.y.name}
+        return {**super().attrs, "x": self.x.name, "y": self.y.name}
 
     def _case(self, number: int) -> InitialCondition:
         return InitialCondition(self._system(number), self.initial)

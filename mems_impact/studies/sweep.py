@@ -37,7 +37,7 @@ from mems_impact.systems.serialization.identity import (
     identity_of_options,
     identity_of_state,
 )
-from mems_impact.systems.state import State, positive, state_from, whole
+from mems_impact.systems.state import State, at_same_phase, positive, state_from, whole
 from mems_impact.systems.statistics import maxima
 from mems_impact.tables import merged_columns
 
@@ -151,8 +151,7 @@ class SweepStudy(Study):
             except (InvalidParameter, FunctionError) as error:
                 point["status"] = str(error)
                 continue
-            if new_period != period:
-                state, period = _at_same_phase(state, period, new_period), new_period
+            state, period = at_same_phase(state, period, new_period), new_period
             if not case.forced:
                 state = state.replace(time=0.0)  # the system is autonomous
             with at_study_point(number):
@@ -277,10 +276,6 @@ class SweepStudy(Study):
 def _period_of(system: HybridSystem) -> float:
     """Return the forcing period, in the units of the system."""
     return system.forcing_period or 1.0
-
-
-def _at_same_phase(state: State, old: float, new: float) -> State:
-    return state.replace(time=min(state.time / old * new, math.nextafter(new, 0.0)))
 
 
 def _value_progress(watch: Watch | None, done: int) -> Watch | None:

@@ -19,7 +19,7 @@ from mems_impact.integrators.options import Options
 from mems_impact.studies.attractor_study import (
     MOTION,
     AttractorEvaluator,
-    AttractorStudy,
+    IndependentAttractors,
     counted_motions,
 )
 from mems_impact.studies.engine.scheduler import completed_study, run_study
@@ -185,7 +185,7 @@ Specification = Mapping[str, tuple[float | None, float | None]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToleranceStudy(AttractorStudy):
+class ToleranceStudy(IndependentAttractors):
     """Motions of a system with sampled parameters."""
 
     draws: ParameterSample
@@ -215,8 +215,7 @@ class ToleranceStudy(AttractorStudy):
     @property
     def attrs(self) -> Mapping[str, Any]:
         """Units and captions of the table."""
-        attrs = self.measuring.attrs(tuple(self.schema))
-        return {**attrs, "drawn": list(self.draws.names)}
+        return {**super().attrs, "drawn": list(self.draws.names)}
 
     def _case(self, number: int) -> InitialCondition:
         row = self.draws.parameter_values[number].tolist()

@@ -213,6 +213,13 @@ def with_units(state: State, units: Mapping[str, str]) -> str:
     return state._line({name: f"{v:.6g} {units.get(name, '')}".rstrip() for name, v in numbers})
 
 
+def at_same_phase(state: State, old: float, new: float) -> State:
+    """Return a state at the same phase of a forcing whose period has changed."""
+    if old == new:
+        return state
+    return state.replace(time=min(state.time / old * new, math.nextafter(new, 0.0)))
+
+
 def state_from(
     components: Mapping[str, float],
     time: float = 0.0,

@@ -9,6 +9,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.studies import sweep
+from mems_impact.systems.state import at_same_phase
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
@@ -135,7 +136,7 @@ def test_frequency_keeps_the_phase():
     table = swept((0.48, 0.5, 0.52), "omega", initial=mi.State(time=1.0, v2=1.0))
     assert (table["status"] == "ok").all()
     assert table.groupby("omega").size().tolist() == [4, 4, 4]
-    state = sweep._at_same_phase(mi.State(time=1.5, x2=0.1), 6.0, 4.0)
+    state = at_same_phase(mi.State(time=1.5, x2=0.1), 6.0, 4.0)
     assert state == mi.State(time=1.0, x2=0.1)
 
 
