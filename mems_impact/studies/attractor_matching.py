@@ -371,12 +371,8 @@ def bounds_of(in_basin: NDArray[np.bool_], starts: InitialConditions) -> tuple[f
     """Return the confidence bounds of an attractor's share; see `basins`."""
     if not isinstance(starts, Grid):
         return wilson(int(in_basin.sum()), len(in_basin))
+    from scipy.ndimage import binary_dilation, binary_erosion
+
     cells = in_basin.reshape(starts.shape)
-    inner, outer = cells.copy(), cells.copy()
-    for axis in range(cells.ndim):
-        front = tuple(slice(1, None) if i == axis else slice(None) for i in range(cells.ndim))
-        back = tuple(slice(None, -1) if i == axis else slice(None) for i in range(cells.ndim))
-        for cell, neighbour in ((front, back), (back, front)):
-            inner[cell] &= cells[neighbour]
-            outer[cell] |= cells[neighbour]
+    inner, outer = binary_erosion(cells, border_value=1), binary_dilation(cells)
     return float(inner.mean()), float(outer.mean())

@@ -187,7 +187,8 @@ def distribution_about(name: str, text: Any, system: HybridSystem) -> Any:
     from scipy import stats
 
     system.check_parameter(name, "over")
-    field, (kind, _, width) = f"over.{name}", _parted(text)
+    field = f"over.{name}"
+    kind, _, width = text.rpartition(":") if isinstance(text, str) else ("", "", text)
     part, kind = percentage(width), kind.strip() or DISTRIBUTIONS[0]
     if part is not None:
         spread = part * _size("over", name, system)
@@ -199,14 +200,6 @@ def distribution_about(name: str, text: Any, system: HybridSystem) -> Any:
     if kind == "uniform":
         return stats.uniform(value - spread, 2.0 * spread)
     return stats.norm(value, spread)
-
-
-def _parted(text: Any) -> tuple[str, str, Any]:
-    """Return kind and width of a distribution in words."""
-    if not isinstance(text, str):
-        return "", "", text
-    kind, colon, width = text.rpartition(":")
-    return kind, colon, width.strip()
 
 
 def distribution_named(field: str, entries: Sequence[Any], convert: Callable[[Any], Any]) -> Any:
