@@ -29,35 +29,11 @@ from mems_impact.cli.runtime import (
 from mems_impact.errors import InvalidParameter
 
 COMMAND_NAMES = (
-    "basins",
-    "characteristic",
-    "chart",
-    "closing",
-    "completion",
-    "continue",
-    "datasheet",
-    "devices",
-    "diagram",
-    "docs",
-    "drive",
-    "explore",
-    "export",
-    "fit",
-    "force-curve",
-    "map",
-    "new",
-    "optimize",
-    "orbit",
-    "pull-in",
-    "report",
-    "sensitivity",
-    "show",
-    "simulate",
-    "soft-landing",
-    "sweep",
-    "terms",
-    "tolerances",
-)
+    "basins", "characteristic", "chart", "closing", "completion", "continue", "datasheet",
+    "devices", "diagram", "docs", "drive", "explore", "export", "fit", "force-curve", "map", "new",
+    "optimize", "orbit", "pull-in", "report", "sensitivity", "show", "simulate", "soft-landing",
+    "sweep", "terms", "tolerances",
+)  # fmt: skip
 
 
 class _Commands(click.Group):
