@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -11,9 +11,6 @@ from mems_impact.plotting.labels import Label, label_axis, legend_above, letter_
 from mems_impact.plotting.style import Axes, color, given_axes, new_figure, styled
 from mems_impact.studies.fit import Fit
 from mems_impact.systems.result import check_kind
-
-if TYPE_CHECKING:
-    pass
 
 MAX_PANELS = 6  # of recorded columns
 MAX_ELLIPSES = 5  # free quantities
@@ -69,12 +66,8 @@ def _data(fit: Fit, ax: Any) -> Any:
     groups = list(fit.residuals.groupby(["record", "quantity"], sort=False))[:MAX_PANELS]
     if ax is None:
         figure = new_figure(0.75 * len(groups), 3.0)
-        ratios = [ratio for _ in groups for ratio in (2.0, 1.0)]
-        panels = list(
-            figure.subplots(2 * len(groups), squeeze=False, gridspec_kw={"height_ratios": ratios})[
-                :, 0
-            ]
-        )
+        ratios = {"height_ratios": [2.0, 1.0] * len(groups)}
+        panels = list(figure.subplots(2 * len(groups), gridspec_kw=ratios))
         letter_panels(panels)
     else:
         panels = given_axes(ax, 2 * len(groups), "two per recorded column")

@@ -164,8 +164,7 @@ def _draw_returns(
             markersize=1.6 if many else 4.5, color="black" if many else color,
             markeredgecolor="black", markeredgewidth=0.0 if many else 0.8, zorder=4,
         )  # fmt: skip
-    ax.set_xlim(limits[0])
-    ax.set_ylim(limits[1])
+    ax.set(xlim=limits[0], ylim=limits[1])
 
 
 def _legend(
