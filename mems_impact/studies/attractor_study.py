@@ -28,7 +28,7 @@ from mems_impact.integrators.availability import is_compiled
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.study import STATUS, Columns, Study, row_label
 from mems_impact.systems.base import HybridSystem
-from mems_impact.systems.serialization.identity import identity, identity_of_options
+from mems_impact.systems.serialization.identity import identity
 from mems_impact.systems.state import State
 from mems_impact.systems.statistics import (
     CHAOTIC,
@@ -142,11 +142,7 @@ class AttractorEvaluator:
 
     def identity(self) -> dict[str, Any]:
         """Return the inputs on which the results depend."""
-        return {
-            **identity(self.system),
-            **asdict(self.recurrence),
-            "options": identity_of_options(self.system.problem(self.options).options),
-        }
+        return {**identity(self.system, self.options), **asdict(self.recurrence)}
 
     def attrs(self, columns: Sequence[str]) -> dict[str, Any]:
         """Return the ``attrs`` of a table with these columns."""

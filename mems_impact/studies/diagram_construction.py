@@ -64,11 +64,7 @@ from mems_impact.studies.sweep import SweepStudy
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.serialization.file import load_result
-from mems_impact.systems.serialization.identity import (
-    identity,
-    identity_of_options,
-    identity_of_state,
-)
+from mems_impact.systems.serialization.identity import identity, identity_of_state
 from mems_impact.systems.state import State, state_from, whole
 from mems_impact.systems.statistics import CHAOTIC, OFF, PERIODIC, QUASI_PERIODIC, RESTING
 
@@ -551,7 +547,7 @@ def bifurcation_diagram(
     inputs: dict[str, Any] = {}
     if store is not None:
         inputs = {
-            **identity(system),
+            **identity(system, options),
             "parameter": parameter,
             "range": list(bounds),
             "depth": depth,
@@ -562,7 +558,6 @@ def bifurcation_diagram(
             "initial": [identity_of_state(state) for state in first],
             "recurrence": asdict(recurrence),
             "steps": None if steps is None else asdict(steps),
-            "options": identity_of_options(system.problem(options).options),
         }
         resume = _stored(store, system, inputs, resume)
     elif resume is not None:

@@ -32,11 +32,7 @@ from mems_impact.studies.sampling import finite_numbers
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.parameter_result import ParameterResult
-from mems_impact.systems.serialization.identity import (
-    identity,
-    identity_of_options,
-    identity_of_state,
-)
+from mems_impact.systems.serialization.identity import identity, identity_of_state
 from mems_impact.systems.state import State, at_same_phase, positive, state_from, whole
 from mems_impact.systems.statistics import maxima
 from mems_impact.tables import merged_columns
@@ -90,7 +86,7 @@ class SweepStudy(Study):
     def identity(self) -> Mapping[str, Any]:
         """Return the inputs on which the results depend."""
         return {
-            **identity(self.system),
+            **identity(self.system, self.options),
             "parameter": self.parameter,
             "values": list(self.values),
             "initial": {name: identity_of_state(state) for name, state in self.starts.items()},
@@ -98,7 +94,6 @@ class SweepStudy(Study):
             "periods" if self.system.forced else "duration": self.length,
             "section": self.section,
             "steady": self.steady,
-            "options": identity_of_options(self.system.problem(self.options).options),
         }
 
     @property

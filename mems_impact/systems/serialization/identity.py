@@ -13,8 +13,11 @@ from mems_impact.systems.serialization.codec import Writer
 from mems_impact.systems.state import State
 
 
-def identity(system: HybridSystem) -> dict[str, Any]:
-    """Return the identity of a system: its description, and a digest of its functions."""
+def identity(system: HybridSystem, options: Options) -> dict[str, Any]:
+    """Return the identity of a system and of the options by which it is integrated.
+
+    The system has a description, and a digest of its functions.
+    """
     from mems_impact.integrators.jit.closures import digest  # which imports numba
 
     register_storables()
@@ -27,7 +30,12 @@ def identity(system: HybridSystem) -> dict[str, Any]:
     functions = [automaton.flow, automaton.margins, automaton.transition]
     functions += [each.function for each in system.statistics.observables]
     functions += system.checks.times
-    return {"system": node, "arrays": arrays, "functions": digest(*functions)}
+    return {
+        "system": node,
+        "arrays": arrays,
+        "functions": digest(*functions),
+        "options": asdict(system.problem(options).options),
+    }
 
 
 def identity_of_state(state: State | None) -> dict[str, Any] | None:
@@ -35,8 +43,3 @@ def identity_of_state(state: State | None) -> dict[str, Any] | None:
     if state is None:
         return None
     return {**state.as_dict(), "time": state.time, "mode": state.mode}
-
-
-def identity_of_options(options: Options) -> dict[str, Any]:
-    """Return the identity of options."""
-    return asdict(options)
