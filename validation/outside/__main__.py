@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     results = []
     with ProcessPoolExecutor(options.workers) as pool:
-        for result in pool.map(verdict, cases):
+        for result in (pool.map if options.workers > 1 else map)(verdict, cases):
             print(*tables.row(result), flush=True)
             results.append(result)
     tables.write(results, options.output / f"{options.suite}.csv")

@@ -15,6 +15,7 @@ from validation.outside.case import Case, Refused, Suite
 __all__ = ["SUITE"]
 
 Function = Callable[[float], float]
+SHORT = mi.Options(engine="interpreted")  # compiling takes longer than a run
 FOLDER = "src/ts/event/tests/output"
 TUTORIALS = "src/ts/tutorials"
 ERRORS = {"ex4_F7revisit": 0.005}  # option -errtol of the tests, by default:
@@ -109,7 +110,7 @@ def ball(start: float, level: float) -> mi.System:
 def hits(name: str, end: float) -> list[float]:
     """Return the times of all balls at the ground."""
     balls = BALLS.get(name) or BALLS[name.partition("_")[0]]
-    runs = [mi.simulate(ball(*each), duration=end) for each in balls]
+    runs = [mi.simulate(ball(*each), duration=end, options=SHORT) for each in balls]
     return sorted(t for run in runs for t in run.events["t"])
 
 
@@ -218,9 +219,8 @@ def zeros(name: str, output: str) -> Any:
         if not only_down:
             guards.append(mi.Guard(f"{i} rises", margin(function, -1.0)))
     system = mi.System(states=("x", "y"), flow=rotation, guards=guards)
-    options = mi.Options(engine="interpreted")
     length, initial = 1.001 * end - start, {"y": 1.0}
-    run = mi.simulate(system, duration=length, start=start, initial=initial, options=options)
+    run = mi.simulate(system, duration=length, start=start, initial=initial, options=SHORT)
     return sorted(t for t in run.events["t"] if start < t < end + ERROR)
 
 
