@@ -16,7 +16,7 @@ from mems_impact._util.warning_scopes import warn
 from mems_impact.analysis.settling import Settling, settling_of
 from mems_impact.analysis.verification import Verification, compare, other_family
 from mems_impact.errors import FunctionsMissing, InvalidParameter, RunError, TransientWarning
-from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.simulation import Events, Samples, Trajectory
 from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
@@ -28,6 +28,7 @@ from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWin
 
 if TYPE_CHECKING:
     import pandas as pd
+    from numpy.typing import ArrayLike
 
     from mems_impact.analysis.run_derivatives import RunDerivatives
 
@@ -209,9 +210,10 @@ class Run(Result):
         first: float | None = None,
         last: float | None = None,
         *,
+        times: ArrayLike | None = None,
         forces: bool = False,
     ) -> pd.DataFrame:
-        """Return the state at equal intervals.
+        """Return the state at equal intervals, or at some times.
 
         Parameters
         ----------
@@ -221,6 +223,9 @@ class Run(Result):
         first, last : float, optional
             First and last forcing period of the samples; the whole run by default. Times for an
             autonomous system.
+        times : array_like of float, optional
+            Times of the samples, ascending, in place of equal intervals. At an event the state
+            after it.
         forces : bool, optional
             Whether columns "force of NAME" show the force of each `Friction` and `Stopper` among
             the parts on its velocity: friction, normal force at rest, force of a compliant stop;
@@ -232,6 +237,15 @@ class Run(Result):
             Time, state and mode, and forces.
         """
         self._log("samples")
+        grid = self._grid(per_period, first, last) if times is None else self._states_at(times)
+        table = run_tables.samples(grid, self.trajectory.period, self.system)
+        if forces:
+            problem = self.system.problem(self.options)
+            table = table.assign(**self.system.state_space.contact_forces(grid, problem))
+        return table
+
+    def _grid(self, per_period: int, first: float | None, last: float | None) -> Samples:
+        """Return the state at equal intervals."""
         is_integer = isinstance(per_period, int | np.integer) and not isinstance(per_period, bool)
         if not is_integer or per_period <= 0:
             raise InvalidParameter("per_period", per_period, "a whole number > 0")
@@ -241,16 +255,32 @@ class Run(Result):
         if not (is_number(low) and is_number(high) and low <= high and high >= begin):
             allowed = f"between {begin:g} and {end:g}, first before last"
             raise InvalidParameter("first, last", (first, last), allowed)
-        grid = self.trajectory.samples(
+        return self.trajectory.samples(
             int(per_period),
             None if first is None else first / unit,
             None if last is None else last / unit,
         )
-        table = run_tables.samples(grid, self.trajectory.period, self.system)
-        if forces:
-            problem = self.system.problem(self.options)
-            table = table.assign(**self.system.state_space.contact_forces(grid, problem))
-        return table
+
+    def _states_at(self, times: ArrayLike) -> Samples:
+        """Return the state at ascending times."""
+        scaled = self._scaled_times(times)
+        if not (len(scaled) and (np.diff(scaled) >= 0.0).all()):
+            raise InvalidParameter("times", np.ravel(times).tolist(), "ascending, at least one")
+        return self.trajectory.at(np.column_stack(np.divmod(scaled, self.trajectory.period)))
+
+    def _scaled_times(self, times: ArrayLike) -> Floats:
+        """Return times in scaled units; InvalidParameter unless they lie within the run."""
+        units, period = self.system.units, self.trajectory.period
+        try:
+            at = np.atleast_1d(np.asarray(times, dtype=float))
+        except (TypeError, ValueError):
+            raise InvalidParameter("times", times, "numbers") from None
+        first, last = (border * period for border in self.extent)
+        scaled = np.array([float(units.into("time", time)) for time in at])
+        if not (np.isfinite(at).all() and (scaled >= first).all() and (scaled <= last).all()):
+            low, high = (float(units.out("time", border)) for border in (first, last))
+            raise InvalidParameter("times", at.tolist(), f"times from {low:g} to {high:g}")
+        return scaled
 
     def verify(self) -> Verification:
         """Repeat the run by an independent, more precise method and compare event by event.

@@ -164,16 +164,7 @@ class RunDerivatives(Generic[R]):
         """
         if side not in ("after", "before"):
             raise InvalidParameter("side", side, "'after' or 'before'")
-        system = self.run.system
-        try:
-            at = np.atleast_1d(np.asarray(times, dtype=float))
-        except (TypeError, ValueError):
-            raise InvalidParameter("times", times, "numbers") from None
-        first, last = (self._time(border) for border in self.run.extent)
-        scaled = np.array([float(system.units.into("time", time)) for time in at])
-        if not (np.isfinite(at).all() and (scaled >= first).all() and (scaled <= last).all()):
-            low, high = (float(system.units.out("time", border)) for border in (first, last))
-            raise InvalidParameter("times", at.tolist(), f"times from {low:g} to {high:g}")
+        system, scaled = self.run.system, self.run._scaled_times(times)
         columns = self._checked(self._numeric.at(scaled, side))
         here = np.flatnonzero(columns.rows < 0)
         here = here[np.argsort(np.argsort(scaled, kind="stable"))]
@@ -186,7 +177,7 @@ class RunDerivatives(Generic[R]):
 
         return pd.DataFrame(
             {
-                "t": at,
+                "t": np.atleast_1d(np.asarray(times, dtype=float)),
                 **{name: system.units.out(name, each) for name, each in values.items()},
                 **{
                     f"d{name}/dt": system.units.out(name, slopes[:, i]) / unit

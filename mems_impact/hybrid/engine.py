@@ -344,7 +344,6 @@ class LoopMemory:
                 "rtol": options.rtol,
                 "atol": options.atol,
                 "first_arc": 1,
-                "sample_interval": 1,
                 "pending_guard": workspace.NONE,
                 "stop": np.inf,
                 "max_steps": options.max_steps,

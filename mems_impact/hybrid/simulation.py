@@ -159,7 +159,7 @@ class Events:
 
 @dataclass(frozen=True)
 class Samples:
-    """The state on a uniform grid of k times."""
+    """The state at k times."""
 
     cycle: NDArray[np.int64]
     time: Floats  # since the start of the period `cycle`, shape (k,)
@@ -216,17 +216,28 @@ class Trajectory:
         are integrated again. Steps do not depend on output times, so the samples lie exactly on the
         trajectory of the run.
         """
-        start, final = self._arc_before(first), self.final
+        end = self.final
         if last is not None:
-            cycle = int(np.floor(last))
-            end = HybridState(cycle, (last - cycle) * self.period, final.mode, final.y)
-            if (end.cycle, end.time) < (final.cycle, final.time):
-                final = end
-        samples = resample(self.problem, start, final, per_period)
+            cycle = math.floor(last)
+            end = self._end_at(cycle, (last - cycle) * self.period)
+        samples = resample(self.problem, self._arc_before(first), end, CheckpointGrid(per_period))
         if first is None:
             return samples
         rows = samples.cycle + samples.time / self.period >= first - INSTANT_RTOL
         return Samples(samples.cycle[rows], samples.time[rows], samples.mode[rows], samples.y[rows])
+
+    def at(self, instants: Floats) -> Samples:
+        """Return the state at ascending instants: periods and times in them, shape (k, 2)."""
+        cycle, time = instants[0]
+        start, (last, phase) = self._arc_before(cycle + time / self.period), instants[-1]
+        return resample(self.problem, start, self._end_at(int(last), float(phase)), instants)
+
+    def _end_at(self, cycle: int, time: float) -> HybridState:
+        """Return an instant, at most the end of the run, as the end of another run."""
+        final = self.final
+        if (cycle, time) < (final.cycle, final.time):
+            return HybridState(cycle, time, final.mode, final.y)
+        return final
 
     def _arc_before(self, first: float | None) -> HybridState:
         """Return the start of the last recorded arc that begins before `first` periods."""
@@ -326,7 +337,29 @@ class CheckpointGrid(NamedTuple):
     per_period: int
     interval: int = 1
 
+    def instants(self, start: HybridState, end: HybridState, period: float) -> Floats:
+        """Return the periods and the times in them from `start` to `end`, shape (k, 2)."""
+        per_period, interval = self
+        if per_period == 0:
+            return np.empty((0, 2))
+        # The tolerance includes a sample at the start itself.
+        first = math.ceil((start.time / period - INSTANT_RTOL) * per_period)
+        last = (end.cycle - start.cycle) * per_period
+        last += math.floor(end.time / period * per_period + 1e-9)
+        shift = last % interval if per_period == 1 else 0  # the last checkpoint is at the end
+        first, last = -(-(first - shift) // interval), (last - shift) // interval
+        if last - first >= MAX_SAMPLES:
+            allowed = (
+                f"at most {MAX_SAMPLES:,}: take a shorter part of the run, or fewer per period"
+            )
+            raise InvalidParameter(
+                field="number of samples", value=last - first + 1, allowed=allowed
+            )
+        cycle, part = np.divmod(np.arange(first, last + 1) * interval, per_period)
+        return np.column_stack([start.cycle + shift + cycle, part * period / per_period])
 
+
+MAX_SAMPLES = 2**25  # 1.6 GB for a motion of three states
 NO_CHECKPOINTS = CheckpointGrid(0)
 MAX_CYCLE = 2**53  # larger integers are not exact in the columns of events
 STIFF = (
@@ -384,18 +417,16 @@ def _end(problem: Problem, start: HybridState, periods: float) -> HybridState:
     return HybridState(start.cycle + cycles, phase, start.mode, start.y)
 
 
-def resample(problem: Problem, start: HybridState, end: HybridState, per_period: int) -> Samples:
-    """Repeat the run from `start` to `end`, and return the state at equal intervals."""
+def resample(
+    problem: Problem, start: HybridState, end: HybridState, times: CheckpointGrid | Floats
+) -> Samples:
+    """Repeat the run from `start` to `end`, and return the state at some times."""
     # Quiet, since the run itself has warned that the system is stiff.
-    grid = CheckpointGrid(per_period)
-    simulation = Simulation(problem, start, end, grid, lambda _: None, None, quiet=True)
+    simulation = Simulation(problem, start, end, times, lambda _: None, None, quiet=True)
     # A run that failed fails again at the same place, and its samples end there.
     with contextlib.suppress(RunError):
         simulation.go()
     return simulation.samples
-
-
-MAX_SAMPLES = 2**25  # 1.6 GB for a motion of three states
 
 
 class Position(NamedTuple):
@@ -416,7 +447,7 @@ class Simulation:
         problem: Problem,
         start: HybridState,
         end: HybridState,
-        checkpoints: CheckpointGrid,
+        checkpoints: CheckpointGrid | Floats,
         consume: Callable[[Events], None] | None,
         progress: Callable[[float], None] | None,
         quiet: bool = False,
@@ -426,24 +457,12 @@ class Simulation:
         self.chunks: list[Floats] = []
         self.binding = create_engine(problem)
         self.binding.engine.import_memory(start.remembered)
-        per_period, interval = checkpoints
-        # The epsilon includes a sample at the start itself.
-        first = math.ceil((start.time / problem.period - INSTANT_RTOL) * per_period)
-        last = (end.cycle - start.cycle) * per_period
-        last += math.floor(end.time / problem.period * per_period + 1e-9)
-        shift = last % interval if per_period == 1 else 0  # the last checkpoint is at the end
-        first, last = -(-(first - shift) // interval), (last - shift) // interval
-        if last - first >= MAX_SAMPLES:
-            allowed = (
-                f"at most {MAX_SAMPLES:,}: take a shorter part of the run, or fewer per period"
-            )
-            raise InvalidParameter(
-                field="number of samples", value=last - first + 1, allowed=allowed
-            )
+        if isinstance(checkpoints, CheckpointGrid):
+            checkpoints = checkpoints.instants(start, end, problem.period)
         self.memory = LoopMemory(
             problem,
             self.binding,
-            max(0, last - first + 1),
+            len(checkpoints),
             cycle=start.cycle,
             t=start.time,
             mode=start.mode,
@@ -452,11 +471,8 @@ class Simulation:
             end_cycle=end.cycle,
             end_phase=end.time,
             events_from=start.cycle,
-            per_period=per_period,
-            sample_cycle=start.cycle + shift,
-            sample=first,
-            sample_interval=interval,
         )
+        self.memory.samples[:, :2] = checkpoints
         self.memory.put(start)
         self.clock, self.events = self.memory.clock, self.memory.events
         self.last_rows = self.events[:0]  # the last events, even if `consume` takes them

@@ -105,7 +105,8 @@ def test_samples(walking):
 
 @pytest.mark.parametrize(
     "arguments", [{"per_period": 0}, {"per_period": 2.5}, {"first": 301}, {"first": 5, "last": 4},
-                  {"first": math.nan}],
+                  {"first": math.nan}, {"times": []}, {"times": [2.0, 1.0]}, {"times": [-1e-9]},
+                  {"times": [math.nan]}, {"times": ["a"]}],
 )  # fmt: skip
 def test_samples_refused(walking, arguments):
     with pytest.raises(mi.InvalidParameter):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import mems_impact as mi
 from mems_impact.actuator.drives import Sine
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import CheckpointGrid, Simulation
@@ -60,6 +61,22 @@ def test_sampling_does_not_change_the_run(case, engine, periods):
         assert same(run_.events, final.events)
         assert np.array_equal(run_.final.y, final.final.y)
         assert sampled.clock["samples_written"] == per_period * periods + 1
+
+
+def test_samples_at_given_times_lie_on_the_closed_form():
+    ball = mi.System(
+        states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -2.0), initial={"x": 1.0},
+        parts=[mi.Stopper("floor", "x", "v", lower=0.0, restitution=0.5)],
+    )  # fmt: skip
+    run = mi.simulate(ball, duration=4.0)  # impacts at 1, 2, 2.5, ...; rest from 3 on
+    samples = run.samples(times=[0.0, 0.25, 0.25, 1.0, 1.75, 2.25, 3.5, 4.0])
+    heights = [1.0, 0.9375, 0.9375, 0.0, 0.1875, 0.0625, 0.0, 0.0]
+    assert samples["x"].to_numpy() == pytest.approx(heights, abs=1e-9)
+    assert samples["v"].iloc[3] == pytest.approx(1.0)  # after the impact
+    assert samples["t"].tolist() == [0.0, 0.25, 0.25, 1.0, 1.75, 2.25, 3.5, 4.0]
+    grid = run.samples(per_period=40)
+    again = run.samples(times=grid["t"])
+    assert np.abs(grid[["x", "v"]] - again[["x", "v"]]).to_numpy().max() < 1e-13
 
 
 @pytest.mark.quick(3)

@@ -25,7 +25,7 @@ from mems_impact.actuator.results import ActuatorRun
 from mems_impact.analysis.settling import MOST_DIGITS, digits
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import InvalidParameter, RunError
-from mems_impact.hybrid.simulation import Trajectory, resample
+from mems_impact.hybrid.simulation import CheckpointGrid, Trajectory, resample
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.systems.result import Result
@@ -368,7 +368,7 @@ def bounce_height(
         return 0.25 * speed * length  # of a parabola
     end = HybridState(end.cycle, end.time, int(log.mode_before[returns]), log.before[returns])
     count = math.ceil(FLIGHT_SAMPLES * period / length)
-    grid = resample(trajectory.problem, start, end, count)
+    grid = resample(trajectory.problem, start, end, CheckpointGrid(count))
     elapsed = (grid.cycle - start.cycle) * period + grid.time - start.time
     within = (elapsed > 0.0) & (elapsed < length)
     y = np.vstack([start.y, grid.y[within], end.y])

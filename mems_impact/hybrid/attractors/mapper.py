@@ -123,7 +123,7 @@ def _times(name: str, unit: float) -> str:
 
 # --- Batches of points
 
-MAX_PERIOD_STARTS = 128  # starts of forcing periods that the sample buffer can hold
+MAX_PERIOD_STARTS = 32  # starts of forcing periods that the sample buffer can hold
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,9 +209,7 @@ class AttractorMapper:
         without = {"section": workspace.NONE} if is_forced else {}  # only other returns need it
         self._binding = binding = create_engine(problem, sectioned=not is_forced)
         self._sizes = n, m, len(automaton.modes), gains, marks
-        self._loop = LoopMemory(
-            problem, binding, MAX_PERIOD_STARTS, per_period=int(is_forced), **without
-        )
+        self._loop = LoopMemory(problem, binding, MAX_PERIOD_STARTS if is_forced else 0, **without)
         self._clock = clock = self._loop.clock
         observe = self._observed.function if gains + marks else None
         addresses, self._kernels = binding.kernel_addresses(clock, observe, n, gains + marks)

@@ -400,9 +400,7 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     s.step_cut = 0
     s.collapse_length = 0.0
     s.arc_start = 0.0
-    s.sample_cycle = 0
-    s.sample = math.ceil(s.t / s.period - 1e-12)
-    s.samples_written = 0
+    expect_starts(s, math.ceil(s.t / s.period - 1e-12))
     w.begun = 1
     w.outcome = UNDECIDED
     w.returns = 0
@@ -477,6 +475,15 @@ def process_events(engine: Any, s: Any, w: Any) -> None:
             close_return(engine, s, w, t, int(event[MODE_AFTER]), y)
     close_periods(engine, s, w, sample_count, math.inf)
     s.events_written = 0
+    if s.samples_written > 0:
+        expect_starts(s, int(sample_at(s, s.samples_written - 1)[0]) + 1)
+
+
+def expect_starts(s: Any, cycle: int) -> None:
+    """Empty the sample buffer for the starts of periods from `cycle` on."""
+    for i in range(s.sample_rows):
+        sample_at(s, i)[0] = cycle + i
+        sample_at(s, i)[1] = 0.0
     s.samples_written = 0
 
 

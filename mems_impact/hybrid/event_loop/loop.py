@@ -548,25 +548,19 @@ def write_samples(engine: Any, s: Any, limit: float, includes_limit: bool) -> No
 
 def sample_due(s: Any) -> bool:
     """Return whether samples remain to be written."""
-    return bool(s.per_period > 0 and s.samples_written < s.sample_rows)
+    return bool(s.samples_written < s.sample_rows)
 
 
 def sample_time(s: Any) -> float:
     """Return the time of the next sample since the start of the current period."""
-    part = s.sample * s.sample_interval
-    cycle = s.sample_cycle + part // s.per_period
-    phase = (part % s.per_period) * s.period / s.per_period
-    return float((cycle - s.cycle) * s.period + phase)
+    sample = sample_at(s, s.samples_written)
+    return float((sample[0] - s.cycle) * s.period + sample[1])
 
 
 def write_sample(s: Any, y: Any) -> None:
     """Write the next sample."""
     sample = sample_at(s, s.samples_written)
-    part = s.sample * s.sample_interval
-    sample[0] = s.sample_cycle + part // s.per_period
-    sample[1] = (part % s.per_period) * s.period / s.per_period
     sample[2] = s.mode
     for i in range(s.n):
         sample[3 + i] = y[i] + table_row(s, OFFSET)[i]
     s.samples_written += 1
-    s.sample += 1

@@ -172,11 +172,7 @@ LOOP_STATE = np.dtype(
         ("collapse_cycle", np.int64),  # start of that step
         ("collapse_time", np.float64),
         ("collapse_mode", np.int64),
-        ("per_period", np.int64),  # parts of a period, 0 for no samples
-        ("sample_interval", np.int64),  # parts between two samples
-        ("sample_cycle", np.int64),
-        ("sample", np.int64),
-        ("samples_written", np.int64),  # rows written to the sample buffer
+        ("samples_written", np.int64),  # rows of the sample buffer that have a state
     ]
 )
 
@@ -192,7 +188,7 @@ def event_at(s: Any, i: int) -> Any:
 
 
 def sample_at(s: Any, i: int) -> Any:
-    """Return row `i` of the sample buffer."""
+    """Return row `i` of the sample buffer: the period, the time in it, the mode, the state."""
     return s.samples[i]
 
 
