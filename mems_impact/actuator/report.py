@@ -23,7 +23,7 @@ from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.design.characteristic import Characteristic, characteristic
 from mems_impact.actuator.design.chart_construction import operating_chart
 from mems_impact.actuator.design.data_sheet import SLIPS, DataSheet
-from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
+from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER, QUANTITIES
 from mems_impact.actuator.design.energy import energy
 from mems_impact.actuator.design.estimates import (
     contact_voltage,
@@ -177,19 +177,13 @@ class ReportMaker:
         """Return the data sheet; the parameters of a dimensionless device."""
         device = self.actuator
         sheet = self._sheet
-        if self.si:
-            rows = [
-                (name.replace("_", " "), amount(sheet[name], entry.unit), entry.parameter,
-                 entry.meaning)
-                for name, entry in QUANTITIES.items() if name in sheet
-            ]  # fmt: skip
-        else:
-            names = {entry.parameter: (name, entry) for name, entry in QUANTITIES.items()}
-            rows = [
-                (names[own][0].replace("_", " "), amount(getattr(device, own)), own,
-                 names[own][1].meaning)
-                for own in PARAMETER_NAMES
-            ]  # fmt: skip
+        numbers = sheet if self.si else {OF_PARAMETER[own]: getattr(device, own)
+                                         for own in PARAMETER_NAMES}  # fmt: skip
+        rows = [
+            (name.replace("_", " "), self.text(numbers[name], entry.unit), entry.parameter,
+             entry.meaning)
+            for name, entry in QUANTITIES.items() if name in numbers
+        ]  # fmt: skip
         blocks: list[Block] = []
         if not self.si:
             blocks.append("The device is dimensionless; all numbers are in its own units.")
@@ -228,36 +222,32 @@ class ReportMaker:
 
     def pull_in(self) -> ReportSection:
         """Return static and dynamic pull-in voltage, release voltage and resonance."""
-        device = self.actuator
+        device, resonance = self.actuator, {"resonance of the block": self._resonance()}
         if device.term("charge_drive") is not None:
             charge = self.text(pull_in_charge(device), "C")
-            rows = {"pull-in charge": charge, "resonance of the block": self._resonance()}
             sentence = "Above the pull-in charge, raised slowly, the block snaps to the stopper."
-            return ReportSection([sentence, values(rows)], {"pull-in": charge})
-        release = resting_voltage(device)
+            rows = values({"pull-in charge": charge, **resonance})
+            return ReportSection([sentence, rows], {"pull-in": charge})
+        release = self.text(resting_voltage(device), "V")
         try:
-            static = pull_in_voltage(device)
+            static = self.text(pull_in_voltage(device), "V")
         except InvalidParameter as error:  # a comb drive
-            rows = {
-                "voltage of contact": self.text(release, "V"),
-                "resonance of the block": self._resonance(),
-            }
             reason = error.problem or str(error)
             sentence = f"{reason[:1].upper()}{reason[1:].partition(';')[0]}."
-            return ReportSection([sentence, values(rows)], {"contact": rows["voltage of contact"]})
-        rows = {
-            "static pull-in voltage": self.text(static, "V"),
+            rows = values({"voltage of contact": release, **resonance})
+            return ReportSection([sentence, rows], {"contact": release})
+        rows = values({
+            "static pull-in voltage": static,
             "dynamic pull-in voltage": self.text(pull_in_voltage(device, dynamic=True), "V"),
-            "release voltage": self.text(release, "V"),
-            "resonance of the block": self._resonance(),
-        }
+            "release voltage": release,
+            **resonance,
+        })  # fmt: skip
         sentence = (
             "Above the static pull-in voltage, raised slowly, the block snaps to the stopper; the "
             "dynamic pull-in voltage, switched on suddenly, suffices from rest. Below the release "
             "voltage the block leaves the stopper."
         )
-        facts = {"pull-in": rows["static pull-in voltage"], "release": rows["release voltage"]}
-        return ReportSection([sentence, values(rows)], facts)
+        return ReportSection([sentence, rows], {"pull-in": static, "release": release})
 
     def _resonance(self) -> str:
         omega = math.sqrt(self.actuator.k / self.actuator.m2)

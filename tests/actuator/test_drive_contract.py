@@ -16,7 +16,7 @@ every = pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
 
 
 def check(drive):
-    """Switches, values at them, rates and the forcing period."""
+    """Switches, values at them and the forcing period."""
     period, switches, q = drive.period, drive.switches, drive.parameters()
     assert q.dtype == np.float64
     assert q.ndim == 1
@@ -25,7 +25,7 @@ def check(drive):
     assert list(switches) == sorted(set(switches))
     borders = np.array([0.0, *switches, period, *(period + time for time in switches)])
     h = 1e-7 * period
-    for voltage, rate in channels(drive):
+    for voltage in channels(drive):
         looks = [*np.linspace(0.0, period, 50), *np.nextafter([*switches, period], 0.0), *switches]
         largest = max(abs(voltage(t, q)) for t in looks) + 1e-3
         # The value at a switch, and up to the next one, is that of one smooth piece.
@@ -44,8 +44,6 @@ def check(drive):
             assert near[0] == pytest.approx(near[1], abs=1e-9 * largest**2)
         for t in np.linspace(0.0, 2.0 * period, 97) + 0.00123 * period:
             if np.abs(borders - t).min() > 3.0 * h:
-                slope = (voltage(t + h, q) - voltage(t - h, q)) / (2.0 * h)
-                assert rate(t, q) == pytest.approx(slope, abs=1e-5 * largest / (20.0 * h))
                 later = voltage(t + period, q) ** 2
                 assert later == pytest.approx(voltage(t, q) ** 2, abs=1e-9 * largest**2)
 
@@ -154,11 +152,10 @@ def test_compiles_unchanged(name):
     q = drive.parameters()
     from mems_impact.integrators.jit.closures import take_snapshot
 
-    for pair in channels(drive):
-        for function in pair:
-            compiled = numba.njit(*take_snapshot(function).frozen())
-            for t in (0.0, 0.3, *drive.switches[:3], 1.9 * drive.period):
-                assert compiled(t, q) == pytest.approx(function(t, q), rel=1e-13, abs=1e-15)
+    for function in channels(drive):
+        compiled = numba.njit(*take_snapshot(function).frozen())
+        for t in (0.0, 0.3, *drive.switches[:3], 1.9 * drive.period):
+            assert compiled(t, q) == pytest.approx(function(t, q), rel=1e-13, abs=1e-15)
 
 
 @every

@@ -27,8 +27,6 @@ CODE = """
 import math
 def voltage(t, q):
     return q[0] * math.cos(t)
-def voltage_rate(t, q):
-    return -q[0] * math.sin(t)
 """
 
 

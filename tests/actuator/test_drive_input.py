@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from tests.actuator.waveforms import DRIVES, RECORD, SINE, cosine, cosine_rate
+from tests.actuator.waveforms import DRIVES, RECORD, SINE, cosine
 
 NAN, INF = math.nan, math.inf
 
@@ -19,7 +19,7 @@ GOOD = {
     mi.Sampled: RECORD,
     mi.Burst: {"wave": SINE, "on": 4, "off": 3},
     mi.Voltages: {"right": SINE, "left": SINE},
-    mi.Custom: {"function": cosine, "rate": cosine_rate, "period": 2.0 * math.pi,
+    mi.Custom: {"function": cosine, "period": 2.0 * math.pi,
                 "values": {"amplitude": 0.2, "omega": 0.5}},
 }  # fmt: skip
 
@@ -84,10 +84,6 @@ def raising(t, q):
     return 1.0 / (t * 0.0)
 
 
-def growing(t, q):
-    return t
-
-
 TIMES, VOLTAGES = RECORD["times"], RECORD["voltages"]
 CHANGES = [
     (mi.Sine, {"amplitude": -1}, "amplitude", ">= 0"),
@@ -137,8 +133,6 @@ CHANGES = [
     (mi.Custom, {"function": untyped}, "function", "numba cannot compile"),
     (mi.Custom, {"function": printing}, "function", "on every path"),
     (mi.Custom, {"function": raising}, "function", "ZeroDivisionError"),
-    (mi.Custom, {"rate": cosine}, "rate", "changes at"),
-    (mi.Custom, {"function": growing, "rate": raising}, "rate", "ZeroDivisionError"),
     (mi.Custom, {"period": 5.0}, "period", "a period later"),
     (mi.Custom, {"values": {"amplitude": NAN}}, "values", "finite numbers by name"),
     (mi.Custom, {"values": [1.0]}, "values", "finite numbers by name"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from tests.actuator.waveforms import DRIVES, cosine, cosine_rate
+from tests.actuator.waveforms import DRIVES, cosine
 
 ZHAO = mi.load_actuator("zhao2004")
 SHARP = mi.Options(rtol=1e-10, atol=1e-12)
@@ -104,7 +104,7 @@ def test_a_narrow_spike_in_a_record_is_not_passed_over():
 def test_custom_is_the_sine():
     values = {"amplitude": 0.24, "omega": 0.5}
     sine = mi.Sine(**values)
-    custom = mi.Custom(function=cosine, rate=cosine_rate, period=sine.period, values=values)
+    custom = mi.Custom(function=cosine, period=sine.period, values=values)
     one, two = (
         mi.simulate(ZHAO, drive, 30, initial=KICK, options=PLAIN) for drive in (sine, custom)
     )

@@ -45,10 +45,6 @@ def cubed(t, q):
     return q[0] * math.sin(q[1] * t) ** 3
 
 
-def cubed_rate(t, q):
-    return 3.0 * q[0] * q[1] * math.sin(q[1] * t) ** 2 * math.cos(q[1] * t)
-
-
 class Nothing(Term):
     """A term that makes the sign matter, and does nothing."""
 
@@ -78,16 +74,15 @@ def test_the_sign_is_that_of_the_whole_wave(drive, whole):
 def test_switches_of_the_second_period_are_those_of_the_first(name):
     drive = BOTH[name] if name in BOTH else WHOLE[name][0]
     q, period = drive.parameters(), drive.period
-    for voltage, rate in channels(drive):
-        for function in (voltage, rate):
-            for time in drive.switches:
-                # Right-continuous in both periods, to the last bit.
-                for at in (time, period + time) if drive.changes_sign else (time,):
-                    after = function(at, q)
-                    h = 1e-9 * period
-                    assert function(at + h, q) == pytest.approx(after, abs=1e-7)
-                    before = function(math.nextafter(at, 0.0), q)
-                    assert function(at - h, q) == pytest.approx(before, abs=1e-7)
+    for voltage in channels(drive):
+        for time in drive.switches:
+            # Right-continuous in both periods, to the last bit.
+            for at in (time, period + time) if drive.changes_sign else (time,):
+                after = voltage(at, q)
+                h = 1e-9 * period
+                assert voltage(at + h, q) == pytest.approx(after, abs=1e-7)
+                before = voltage(math.nextafter(at, 0.0), q)
+                assert voltage(at - h, q) == pytest.approx(before, abs=1e-7)
 
 
 @pytest.mark.parametrize("name", BOTH)
@@ -112,13 +107,13 @@ def test_who_changes_the_sign():
         drive.check_signed()
         if name in changing:
             q, period, pairs = drive.parameters(), drive.period, channels(drive)
-            pairs = [(a, b) for t in times(drive) for wave, _ in pairs
+            pairs = [(a, b) for t in times(drive) for wave in pairs
                      for a, b in [(wave(t, q), wave(t + period, q))]]  # fmt: skip
             assert any(a == pytest.approx(-b, abs=1e-12) and abs(a) > 0.1 for a, b in pairs)
 
 
 def test_own_functions():
-    own = mi.Custom(function=cubed, rate=cubed_rate, period=math.pi / 0.5,
+    own = mi.Custom(function=cubed, period=math.pi / 0.5,
                     values={"top": 0.3, "omega": 0.5})  # fmt: skip
     assert own.changes_sign
     own.check_signed()
@@ -130,12 +125,8 @@ def alternating(t, q):
     return q[0] if u < 1.0 else -q[0] if u >= 1.0 else 0.0
 
 
-def flat(t, q):
-    return 0.0
-
-
 def test_undeclared_jumps_of_the_sign_are_refused():
-    drive = mi.Custom(function=alternating, rate=flat, period=1.0, values={"top": 0.3},
+    drive = mi.Custom(function=alternating, period=1.0, values={"top": 0.3},
                       switches=[1.0])  # fmt: skip
     ZHAO.under(drive)
     assert not drive.changes_sign

@@ -11,7 +11,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator.system import ActuatorSystem
-from tests.actuator.waveforms import DRIVES, cosine, cosine_rate
+from tests.actuator.waveforms import DRIVES, cosine
 
 ZHAO = mi.load_actuator("zhao2004")
 SINE = mi.Sine(amplitude=0.24, omega=0.5)
@@ -21,18 +21,16 @@ PLAIN = mi.Options(method="dop853", engine="interpreted", rtol=1e-6, atol=1e-8)
 def custom(**changes):
     values = {"amplitude": 0.24, "omega": 0.5}
     period = np.pi / 0.5
-    return mi.Custom(
-        **{"function": cosine, "rate": cosine_rate, "period": period, "values": values, **changes}
-    )
+    return mi.Custom(**{"function": cosine, "period": period, "values": values, **changes})
 
 
 def local_custom():
-    """A custom drive whose functions no other process can import."""
+    """A custom drive whose function no other process can import."""
 
     def voltage(t, q):
         return cosine(t, q)
 
-    return custom(function=voltage, rate=lambda t, q: cosine_rate(t, q))
+    return custom(function=voltage)
 
 
 OWN = {

@@ -11,18 +11,10 @@ def cosine(t, q):
     return q[0] * math.cos(q[1] * t)
 
 
-def cosine_rate(t, q):
-    return -q[0] * q[1] * math.sin(q[1] * t)
-
-
 # A sawtooth of period 1 that jumps at 1/4; compared with the very number in `switches`.
 def saw(t, q):
     u = t - math.floor(t)
     return q[0] * (u - 0.25 if u >= 0.25 else u + 0.75)
-
-
-def saw_rate(t, q):
-    return q[0]
 
 
 TIMES = np.linspace(0.0, 9.0, 31)
@@ -56,16 +48,13 @@ DRIVES = {
     "two-sided, 2 to 3": mi.Voltages(right=PULSE, left=PULSE.replace(period=15.0)),
     "two-sided sine": mi.Voltages(right=SINE, left=SINE.replace(phase=0.3 + math.pi / 2)),
     "burst on both sides": mi.Burst(wave=mi.Voltages(right=SQUARE, left=SINE), on=2, off=1),
-    "custom": mi.Custom(function=cosine, rate=cosine_rate, period=math.pi / 0.5,
+    "custom": mi.Custom(function=cosine, period=math.pi / 0.5,
                      values={"amplitude": 0.24, "omega": 0.5}),
-    "jumping custom": mi.Custom(function=saw, rate=saw_rate, period=1.0, values={"top": 0.3},
+    "jumping custom": mi.Custom(function=saw, period=1.0, values={"top": 0.3},
                              switches=[0.25]),
 }  # fmt: skip
 
 
 def channels(drive):
-    """The waveforms of a drive with their rates."""
-    pairs = [(drive.voltage, drive.voltage_rate)]
-    if drive.left_voltage is not None:
-        pairs.append((drive.left_voltage, drive.left_rate))
-    return pairs
+    """The waveforms of a drive."""
+    return [each for each in (drive.voltage, drive.left_voltage) if each is not None]

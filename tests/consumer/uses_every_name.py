@@ -60,7 +60,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.Sampled(times=(0.0, 0.5), voltages=(0.0, 1.0), period=1.0),
         mi.Burst(wave=sine, on=3.0, off=2.0),
         mi.Voltages(right=sine, left=sine),
-        mi.Custom(function=math.cos, rate=math.sin, period=1.0),
+        mi.Custom(function=math.cos, period=1.0),
         mi.load("wave.toml"),
     ]
     assert_type(mi.pull_in_voltage(actuator), float)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -62,25 +61,14 @@ class Spec:
         return both
 
 
-@cache
-def _two_tones() -> tuple[Any, Any]:
-    def voltage(t, q):  # type: ignore[no-untyped-def]
-        return q[0] + q[1] * math.cos(q[2] * t) + q[3] * math.cos(q[4] * t + q[5])
-
-    def rate(t, q):  # type: ignore[no-untyped-def]
-        fast = q[3] * q[4] * math.sin(q[4] * t + q[5])
-        return -q[1] * q[2] * math.sin(q[2] * t) - fast
-
-    return voltage, rate
+def _two_tones(t, q):  # type: ignore[no-untyped-def]
+    return q[0] + q[1] * math.cos(q[2] * t) + q[3] * math.cos(q[4] * t + q[5])
 
 
 def custom(bias: float, a1: float, omega: float, a2: float, times: int, phase: float) -> Drive:
-    voltage, rate = _two_tones()
     values = {"bias": bias, "a1": a1, "w1": omega, "a2": a2, "w2": times * omega, "f": phase}
     period = TAU / omega
-    return mi.Custom(
-        function=voltage, rate=rate, period=period, values=values, fastest=period / times
-    )
+    return mi.Custom(function=_two_tones, period=period, values=values, fastest=period / times)
 
 
 BUILD: dict[str, Callable[..., Drive]] = {

@@ -25,11 +25,6 @@ def _voltage(t: float, q: Any) -> float:
     return q[base + 1] + q[base + 2] * (phase - q[base])
 
 
-def _rate(t: float, q: Any) -> float:
-    phase = t - math.floor(t / q[0]) * q[0]
-    return q[_rung(phase, q) + 2]
-
-
 class Ladder(Drive):
     """From each ``starts[i]`` on, ``levels[i] + slopes[i] (t - starts[i])``; starts[0] is 0."""
 
@@ -41,7 +36,6 @@ class Ladder(Drive):
     units = {"length": "s", "starts": "s", "levels": "V"}  # noqa: RUF012
 
     voltage = staticmethod(_voltage)
-    voltage_rate = staticmethod(_rate)
 
     @property
     def period(self) -> float:

@@ -187,9 +187,9 @@ class ChartBuilder:
         wanted: Callable[[OrbitEvent], bool],
         watch: Watch | None = None,
     ) -> list[OrbitEvent]:
-        """Return the special points of the orbit without impacts at one frequency.
+        """Return the wanted special points of the orbit without impacts at one frequency.
 
-        The branch is continued up to the first wanted point.
+        The branch is continued up to the first of them.
         """
         if omega not in self.met:
             self.met[omega] = self._set_out(omega)
@@ -200,7 +200,7 @@ class ChartBuilder:
                 break
             if watch is not None:
                 watch(point.value)
-        return branch.special_points
+        return list(filter(wanted, branch.special_points))
 
     def _set_out(self, omega: float) -> tuple[OrbitBranch, Iterator[OrbitPoint]]:
         """Return the branch at one frequency, empty, and its points."""
@@ -230,7 +230,7 @@ class ChartBuilder:
     def _grazings(self, low: float, high: float) -> OrbitCurve:
         """Return the grazing curve of the orbit without impacts."""
         for end, direction in ((high, -1.0), (low, 1.0)):
-            touching = [s for s in self._special(end, _grazes) if _grazes(s)]
+            touching = self._special(end, _grazes)
             if touching:
                 self.report("the grazing curve of the orbit without impacts")
                 curve = self._curve(touching[0], low, high, direction)
@@ -250,7 +250,7 @@ class ChartBuilder:
             return _grazes(special) or _slips(special)
 
         try:
-            passed = [special for special in self._special(omega, wanted) if wanted(special)]
+            passed = self._special(omega, wanted)
         except OrbitError:  # the frame moves at the smallest voltage
             return START_AMPLITUDE_RATIO**STARTS * self.pull_in, SLIPS
         return (passed[0].value, passed[0].kind) if passed else (self.pull_in, "")
@@ -301,7 +301,7 @@ class ChartBuilder:
         """Return the onset of slip on the branch at one frequency, if any."""
         if omega not in self.met:
             return None
-        return next((s for s in self._special(omega, _slips) if _slips(s)), None)
+        return next(iter(self._special(omega, _slips)), None)
 
     def _place(
         self, omega: float, amplitude: float, kind: str, special: SpecialPoint | None
@@ -358,16 +358,16 @@ class ChartBuilder:
 
     def _grazing(self, omega: float) -> OrbitEvent:
         """Return the grazing of the orbit without impacts; OrbitError if there is none."""
-        for special in self._special(omega, _grazes):
-            if _grazes(special):
-                return special
+        if grazings := self._special(omega, _grazes):
+            return grazings[0]
         raise OrbitError(self._not_grazing(omega), "take another range of frequency")
 
     def _not_grazing(self, omega: float) -> str:
         """Return a description of the special points at a frequency without grazing."""
-        special_points = self._special(omega, lambda special: False)
+        self._special(omega, lambda special: False)  # up to the end
         listed = [
-            f"a {s.kind} at {self.system.units.out(AMPLITUDE, s.value):.6g}" for s in special_points
+            f"a {s.kind} at {self.system.units.out(AMPLITUDE, s.value):.6g}"
+            for s in self.met[omega][0].special_points
         ]
         return (
             f"at {self._at(omega)} the orbit without impacts does not graze up to static contact "
@@ -435,7 +435,7 @@ class ChartBuilder:
         def wanted(special: OrbitEvent) -> bool:
             return special.kind == "fold" and (not special.solution.impacts) == without_impact
 
-        folds = [special for special in self._special(middle, wanted) if wanted(special)]
+        folds = self._special(middle, wanted)
         if not folds:
             self.notes.append(f"{subject}: none at {self._at(middle)}")
             return ()
@@ -482,11 +482,10 @@ class ChartBuilder:
 
         def one(omega: float) -> Point | str:
             try:
-                specials = self._special(omega, lambda special: special.kind == "fold", watch)
-                folds_below = [s.value for s in specials if s.kind == "fold"]
-                if not folds_below:
+                found = self._special(omega, lambda special: special.kind == "fold", watch)
+                if not found:
                     raise OrbitError("no fold to begin at", "take another range of frequency")
-                fold = folds_below[0]
+                fold = found[0].value
                 system = self._system_at(omega)
                 value = locate_crisis(
                     system.actuator,

@@ -13,7 +13,6 @@ import numpy as np
 from scipy.optimize import minimize
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.quantities import quantities
 from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.design.closing import Closing, closing, natural_period, run_of
 from mems_impact.actuator.design.estimates import pull_in_voltage
@@ -27,7 +26,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.optimize import OPTIMIZATION_ENDINGS
 from mems_impact.systems.result import Result
-from mems_impact.systems.state import is_number, whole
+from mems_impact.systems.state import interval, whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -235,16 +234,8 @@ def checked_bounds(
     for name, pair in over.items():
         if name not in allowed:
             raise InvalidParameter("over", name, f"among {', '.join(allowed)}")
-        unit = system.units.get(name, "") if system.units.scales.named else None
-        try:
-            low, high = quantities(f"over {name}", pair, unit, "device")
-        except (TypeError, ValueError) as error:
-            if isinstance(error, InvalidParameter):
-                raise
-            low, high = math.nan, math.nan
-        if not (is_number(low) and is_number(high) and low < high):
-            raise InvalidParameter(f"over {name}", pair, "(lowest, highest), in this order")
-        bounds[name] = (float(low), float(high))
+        label = f"over {name}"
+        bounds[name] = interval(label, pair, system.units.parse(name, pair, label))
     for corner in product(*bounds.values()):
         drive.varied(dict(zip(bounds, corner, strict=True)))  # raises if it is not allowed
     return bounds

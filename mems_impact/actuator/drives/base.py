@@ -39,9 +39,9 @@ class Drive(Varied, ABC):
     types of `mems_impact.actuator.parameter_base`) and defines the attributes and methods below.
     `mems_impact.actuator.drives` lists its kind for files and the command line.
 
-    The waveform itself is a pair of module-level functions of plain Python that the equations call,
-    interpreted or compiled by numba unchanged. The functions take floats and one float64 array, use
-    `math` alone, carry no decorator, and become part of the class by `staticmethod`::
+    The waveform itself is a module-level function of plain Python that the equations call,
+    interpreted or compiled by numba unchanged. The function takes a float and one float64 array,
+    uses `math` alone, carries no decorator, and becomes part of the class by `staticmethod`::
 
         def _ramp_voltage(t, q):
             return q[0] * t
@@ -61,8 +61,8 @@ class Drive(Varied, ABC):
         Characteristic time of the voltage, `period` by default: no step of the integration is
         longer than 1/16 of it. A waveform with short features that are not bounded by switches
         needs a shorter time.
-    left_voltage, left_rate : callable or None
-        Like `voltage` and `voltage_rate`, for the electrode on the left; None by default.
+    left_voltage : callable or None
+        Like `voltage`, for the electrode on the left; None by default.
     clamp_voltage : callable or None
         Like `voltage`, for the electrode of a clamp (see `ClampElectrode`); None by default.
     units : mapping of str to str
@@ -74,13 +74,11 @@ class Drive(Varied, ABC):
     Methods
     -------
     parameters()
-        The array q, shape (n,), float64, that `voltage` and `voltage_rate` read.
+        The array q, shape (n,), float64, that `voltage` reads.
     voltage(t, q)
         v at time t. For every t, v(t + period)^2 = v(t)^2 must hold, since a long run uses only
         times within the current forcing period (or two, see `changes_sign`). At a switching time,
         the value after it.
-    voltage_rate(t, q)
-        The time derivative of `voltage`; at a switching time, from the right.
 
     Raises
     ------
@@ -119,15 +117,10 @@ class Drive(Varied, ABC):
             """The voltage at the left electrode, if there is one."""
 
         @property
-        def left_rate(self) -> Waveform | None:
-            """Time derivative of the voltage at the left electrode."""
-
-        @property
         def clamp_voltage(self) -> Waveform | None:
             """The voltage of a clamp, if the drive has one."""
     else:
         left_voltage: ClassVar = None
-        left_rate: ClassVar = None
         clamp_voltage: ClassVar = None
 
     @classmethod
@@ -291,17 +284,12 @@ class Drive(Varied, ABC):
 
     @abstractmethod
     def parameters(self) -> NDArray[np.float64]:
-        """Return the array q that `voltage` and `voltage_rate` read."""
+        """Return the array q that `voltage` reads."""
 
     @staticmethod
     @abstractmethod
     def voltage(t: float, q: NDArray[np.float64]) -> float:
         """Return v(t)."""
-
-    @staticmethod
-    @abstractmethod
-    def voltage_rate(t: float, q: NDArray[np.float64]) -> float:
-        """Return the time derivative of v at t."""
 
     def scaled(self, voltage: float, time: float) -> Self:
         """Return the same waveform in other units of voltage and time.

@@ -124,20 +124,9 @@ class Burst(Drive):
         return retime(self.wave.voltage)
 
     @property
-    def voltage_rate(self) -> Waveform:  # type: ignore[override]
-        """Time derivative of the waveform."""
-        return retime(self.wave.voltage_rate)
-
-    @property
     def left_voltage(self) -> Waveform | None:
         """The waveform at the left electrode, if the nested waveform has one."""
         waveform = self.wave.left_voltage
-        return None if waveform is None else retime(waveform)
-
-    @property
-    def left_rate(self) -> Waveform | None:
-        """Time derivative of the waveform at the left electrode."""
-        waveform = self.wave.left_rate
         return None if waveform is None else retime(waveform)
 
     @property

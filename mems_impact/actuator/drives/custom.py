@@ -16,7 +16,6 @@ from pydantic import BeforeValidator, Field, model_validator
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.parameter_base import Given, OptionalPositive, Positive, Unit
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.differences import central_difference
 from mems_impact.hybrid.pickling import portable, same_function
 
 __all__ = ["Custom"]
@@ -64,8 +63,6 @@ class Custom(Drive):
         ``function(t, q)`` returns the voltage. It is plain Python on floats that numba compiles:
         `math`, arithmetic, branches, and functions of the same kind. The square of the voltage must
         have the given period; at a switch, the function returns the value after the switch.
-    rate : callable
-        ``rate(t, q)`` returns the time derivative of the voltage.
     period : float
         Forcing period [s], > 0.
     values : mapping of str to float, optional
@@ -83,9 +80,8 @@ class Custom(Drive):
     Raises
     ------
     InvalidParameter
-        If a parameter is out of range, missing or unknown; if numba cannot compile a function, or a
-        function raises; if the rate is not the derivative of the voltage, or the square of the
-        voltage has another period.
+        If a parameter is out of range, missing or unknown; if numba cannot compile the function, or
+        the function raises; if the square of the voltage has another period.
 
     See Also
     --------
@@ -93,7 +89,7 @@ class Custom(Drive):
 
     Notes
     -----
-    Rate and period are checked at a few times, which finds common mistakes. A waveform whose period
+    The period is checked at a few times, which finds common mistakes. A waveform whose period
     depends on its parameters requires a subclass of `Drive`.
 
     Examples
@@ -102,15 +98,12 @@ class Custom(Drive):
     >>> import mems_impact as mi
     >>> def voltage(t, q):
     ...     return q[0] * math.cos(t) ** 3
-    >>> def rate(t, q):
-    ...     return -3.0 * q[0] * math.cos(t) ** 2 * math.sin(t)
-    >>> drive = mi.Custom(function=voltage, rate=rate, period=math.pi, values={"top": 0.3})
+    >>> drive = mi.Custom(function=voltage, period=math.pi, values={"top": 0.3})
     >>> drive.varied({"top": 0.2}).names
     ('top',)
     """
 
     function: Function
-    rate: Function
     period: Annotated[Positive, Unit("s")]
     values: Annotated[
         Given[tuple[tuple[str, float], ...]],
@@ -129,10 +122,9 @@ class Custom(Drive):
         times = (0.0, *self.switches, math.nextafter(self.period, math.inf))
         if not all(previous < time for previous, time in pairwise(times)):
             raise InvalidParameter("switches", self.switches, TIMES_KIND)
-        for name in ("function", "rate"):
-            problem = _compilation_problem(getattr(self, name))
-            if problem:
-                raise InvalidParameter(name, getattr(self, name).__name__, "", problem=problem)
+        problem = _compilation_problem(self.function)
+        if problem:
+            raise self._error(problem)
         self._check_values()
         return self
 
@@ -142,8 +134,7 @@ class Custom(Drive):
         distance = np.abs(probes[:, None] - borders).min(axis=1)
         h = 1e-5 * (self.fastest or self.period)
         probes = probes[distance > 2.0 * h]
-        voltages, rates = self._samples("function", probes), self._samples("rate", probes)
-        next_voltages = self._samples("function", probes + self.period)
+        voltages, next_voltages = self._samples(probes), self._samples(probes + self.period)
         max_voltage = float(np.max(np.abs(voltages), initial=0.0))
         is_wrong = np.abs(next_voltages**2 - voltages**2) > WAVEFORM_RTOL * max_voltage**2
         if is_wrong.any():
@@ -152,39 +143,26 @@ class Custom(Drive):
                 f"the square of the voltage at t = {t:.6g} differs from its value a period later"
             )
             raise InvalidParameter("period", self.period, "", problem=problem)
-        slopes = central_difference(lambda step: self._samples("function", probes + step), h)
-        scale = max(float(np.max(np.abs(slopes), initial=0.0)), max_voltage / self.period)
-        is_wrong = ~(np.abs(slopes - rates) <= 1e-3 * scale)
-        if is_wrong.any():
-            i = int(np.argmax(is_wrong))
-            problem = (
-                f"at t = {probes[i]:.6g} it is {rates[i]:.6g}, but the voltage changes at "
-                f"{slopes[i]:.6g}"
-            )
-            raise InvalidParameter("rate", self.rate.__name__, "", problem=problem)
 
-    def _samples(self, name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        waveform = self.voltage if name == "function" else self.voltage_rate
+    def _samples(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         q: Any = self.parameters().tolist()  # NumPy would warn, Python raises
-        function_name = getattr(self, name).__name__
         try:
-            values = np.array([float(waveform(t, q)) for t in times.tolist()])
+            values = np.array([float(self.voltage(t, q)) for t in times.tolist()])
         except Exception as error:
-            problem = f"raises {type(error).__name__}: {error}"
-            raise InvalidParameter(name, function_name, "", problem=problem) from None
+            raise self._error(f"raises {type(error).__name__}: {error}") from None
         if not np.isfinite(values).all():
-            time = times[np.argmin(np.isfinite(values))]
-            raise InvalidParameter(
-                name, function_name, "", problem=f"is not finite at t = {time:.6g}"
-            )
+            raise self._error(f"is not finite at t = {times[np.argmin(np.isfinite(values))]:.6g}")
         return values
+
+    def _error(self, problem: str) -> InvalidParameter:
+        return InvalidParameter("function", self.function.__name__, "", problem=problem)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Custom):
             return NotImplemented
         values, other_values = dict(self), dict(other)
-        functions = [(values.pop(name), other_values.pop(name)) for name in ("function", "rate")]
-        return values == other_values and all(same_function(*pair) for pair in functions)
+        functions = values.pop("function"), other_values.pop("function")
+        return values == other_values and same_function(*functions)
 
     def __hash__(self) -> int:
         return hash((self.period, self.values, self.switches))
@@ -235,11 +213,6 @@ class Custom(Drive):
         """The function, in its units."""
         return _in_units(self.function)
 
-    @property
-    def voltage_rate(self) -> Waveform:  # type: ignore[override]
-        """The rate, in its units."""
-        return _rate_in_units(self.rate)
-
 
 @cache
 def _in_units(function: Waveform) -> Waveform:
@@ -247,14 +220,6 @@ def _in_units(function: Waveform) -> Waveform:
         return function(t * q[0], q[2:]) / q[1]
 
     return voltage
-
-
-@cache
-def _rate_in_units(rate: Waveform) -> Waveform:
-    def voltage_rate(t, q):  # type: ignore[no-untyped-def]
-        return rate(t * q[0], q[2:]) * q[0] / q[1]
-
-    return voltage_rate
 
 
 def _first_from(time: float, unit: float) -> float:

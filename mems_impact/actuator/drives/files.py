@@ -39,7 +39,7 @@ SAMPLE_SUFFIXES = (".csv", ".txt", ".dat", ".tsv")
 
 CODE = CodeRequest(
     field="source",
-    description="Python file with functions voltage(t, q) and voltage_rate(t, q)",
+    description="Python file with a function voltage(t, q)",
     kind="drive file",
     reader="load",
 )
@@ -118,7 +118,7 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
         return _sampled_drive(values, file.parent)
     if kind is Custom:
         code = resolve_code_path(values.pop("source", None), file, allow_code, CODE)
-        values.update(_functions(code))
+        values["function"] = _function(code)
     for name, field in kind.model_fields.items():
         if field.annotation in (Drive, Drive | None) and isinstance(values.get(name), dict):
             try:
@@ -142,12 +142,9 @@ def _sampled_drive(values: dict[str, Any], folder: Path) -> Sampled:
     return Sampled.from_csv(folder / file, **values)
 
 
-def _functions(path: Path) -> dict[str, FunctionType]:
-    """Run the Python file `path` and return its functions."""
-    module = execute_code(path, CODE)
-    functions = {}
-    for field, name in (("function", "voltage"), ("rate", "voltage_rate")):
-        if not isinstance(getattr(module, name, None), FunctionType):
-            raise InvalidFile(path, f"has no function {name}", f"give a {CODE.description}")
-        functions[field] = getattr(module, name)
-    return functions
+def _function(path: Path) -> FunctionType:
+    """Run the Python file `path` and return its function of the voltage."""
+    function = getattr(execute_code(path, CODE), "voltage", None)
+    if not isinstance(function, FunctionType):
+        raise InvalidFile(path, "has no function voltage", f"give a {CODE.description}")
+    return function

@@ -29,14 +29,6 @@ def _left(t: float, q: NDArray[np.float64]) -> float:
     return q[COUNT + LEVEL] + q[COUNT + RATE] * (t - q[COUNT + TIME])
 
 
-def _right_rate(t: float, q: NDArray[np.float64]) -> float:
-    return q[RATE]
-
-
-def _left_rate(t: float, q: NDArray[np.float64]) -> float:
-    return q[COUNT + RATE]
-
-
 class ImportedVoltage(Drive):
     """Voltages at the electrodes that the importer of a model sets at any time."""
 
@@ -45,7 +37,6 @@ class ImportedVoltage(Drive):
     left_level: Annotated[Number, Unit("V")] = 0.0  # voltage at the left electrode [V]
 
     voltage = staticmethod(_right)
-    voltage_rate = staticmethod(_right_rate)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -82,7 +73,6 @@ class ImportedVoltages(ImportedVoltage):
     """Voltages at both electrodes that the importer of a model sets at any time."""
 
     left_voltage = staticmethod(_left)
-    left_rate = staticmethod(_left_rate)
 
 
 def imported(drive: Drive, inputs: Sequence[str], own_period: float) -> ImportedVoltage:

@@ -68,14 +68,6 @@ def piecewise_voltage(t: float, q: NDArray[np.float64]) -> float:
     return q[i + 1] + x * (q[i + 2] + x * (q[i + 3] + x * q[i + 4]))
 
 
-def piecewise_rate(t: float, q: NDArray[np.float64]) -> float:
-    """Return dv/dt at t, from the right."""
-    u = fold(t, q[PERIOD])
-    i = piece_at(u, q, WIDTH)
-    x = u - q[i]
-    return q[i + 2] + x * (2.0 * q[i + 3] + x * 3.0 * q[i + 4])
-
-
 class WaveformArrays(NamedTuple):
     """The array q of a piecewise waveform, and its switching times in (0, period]."""
 
@@ -150,7 +142,6 @@ class PiecewiseDrive(Drive):
     """
 
     voltage = staticmethod(piecewise_voltage)
-    voltage_rate = staticmethod(piecewise_rate)
 
     @property
     def changes_sign(self) -> bool:

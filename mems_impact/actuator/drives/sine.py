@@ -21,10 +21,6 @@ def _sine_voltage(t: float, q: NDArray[np.float64]) -> float:
     return q[2] + q[0] * math.cos(q[1] * t + q[3])
 
 
-def _sine_voltage_rate(t: float, q: NDArray[np.float64]) -> float:
-    return -q[0] * q[1] * math.sin(q[1] * t + q[3])
-
-
 def _period(omega: float, bias: float) -> float:
     # cos^2 has half the period of cos; with a bias, v^2 keeps the term in cos.
     return (math.pi if bias == 0.0 else 2.0 * math.pi) / omega
@@ -73,7 +69,6 @@ class Sine(Drive):
     frequency: Annotated[Positive | None, Unit("Hz")] = None
 
     voltage = staticmethod(_sine_voltage)
-    voltage_rate = staticmethod(_sine_voltage_rate)
 
     @property
     def period(self) -> float:

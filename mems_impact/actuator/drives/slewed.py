@@ -30,6 +30,7 @@ POINTS_PER_TIME_SCALE = 256  # at which voltage and rate are compared with the r
 POINTS_PER_NUMBER = 2  # at least, per number of the waveform: a piece of a record has five
 MIN_POINTS, MAX_POINTS = 32, 20_000
 VOLTAGE_RTOL = 1e-13  # of the range of the voltage
+SLOPE_STEP = 1e-5  # of the time scale, over which the voltage gives its rate
 RATE_RTOL = 1e-9  # by which a rate must exceed the limit
 PERIODS = 3  # of iteration before the periodic output is solved for
 FIRST_POINTS = 24  # halvings of the distance of two points, after the start of a ramp
@@ -83,29 +84,18 @@ class SlewedDrive(Drive):
     @property
     def voltage(self) -> Waveform:  # type: ignore[override]
         """The output at the right electrode."""
-        return with_ramps(self.wave.voltage, 0, False)
-
-    @property
-    def voltage_rate(self) -> Waveform:  # type: ignore[override]
-        """Time derivative of the waveform."""
-        return with_ramps(self.wave.voltage_rate, 0, True)
+        return with_ramps(self.wave.voltage, 0)
 
     @property
     def left_voltage(self) -> Waveform | None:
         """The output at the left electrode, if there is one."""
         demand = self.wave.left_voltage
-        return None if demand is None else with_ramps(demand, 1, False)
-
-    @property
-    def left_rate(self) -> Waveform | None:
-        """Time derivative of the waveform at the left electrode."""
-        demand = self.wave.left_rate
-        return None if demand is None else with_ramps(demand, 1, True)
+        return None if demand is None else with_ramps(demand, 1)
 
 
 @cache
-def with_ramps(demand: Waveform, side: int, is_rate: bool) -> Waveform:
-    """Return a waveform, or its rate, with the ramps of a side."""
+def with_ramps(demand: Waveform, side: int) -> Waveform:
+    """Return a waveform with the ramps of a side."""
 
     def waveform(t, q):  # type: ignore[no-untyped-def]
         start = side * (1 + int(q[0]))
@@ -113,8 +103,6 @@ def with_ramps(demand: Waveform, side: int, is_rate: bool) -> Waveform:
         u = fold(t, pieces[PERIOD])
         i = piece_at(u, pieces, PIECE_NUMBERS)
         if pieces[i + 1] > 0.0:
-            if is_rate:
-                return pieces[i + 3]
             return pieces[i + 2] + pieces[i + 3] * (u - pieces[i])
         second_start = 1 + int(q[0])
         return demand(u, q[second_start + 1 + int(q[second_start]) :])
@@ -139,12 +127,11 @@ def _output(drive: SlewedDrive) -> SlewedOutput:
     voltage_period = 2.0 * period if wave.changes_sign else period
     blocks: list[NDArray[np.float64]] = []
     times: set[float] = set()
-    sides = ((wave.voltage, wave.voltage_rate), (wave.left_voltage, wave.left_rate))
-    for voltage, rate in sides:
-        if voltage is None or rate is None:
+    for voltage in (wave.voltage, wave.left_voltage):
+        if voltage is None:
             blocks.append(np.zeros(1))
             continue
-        side = SlewedSide(voltage, rate, wave, drive.rate, sign)
+        side = SlewedSide(voltage, wave, drive.rate, sign)
         pieces = side.pieces()
         times |= side.switches(pieces)
         rows = [tuple(map(float, piece)) for piece in pieces]
@@ -161,17 +148,14 @@ def _output(drive: SlewedDrive) -> SlewedOutput:
 class SlewedSide:
     """The output of one side over a forcing period.
 
-    `voltage` and `rate`, functions of t and q, are the demanded voltage and its derivative; `limit`
-    is the slew rate. `sign` is -1 if the voltage changes its sign from each forcing period to the
-    next, else 1.
+    `voltage`, a function of t and q, is the demanded voltage; `limit` is the slew rate. `sign` is
+    -1 if the voltage changes its sign from each forcing period to the next, else 1.
     """
 
-    def __init__(
-        self, voltage: Waveform, rate: Waveform, wave: Drive, limit: float, sign: float
-    ) -> None:
+    def __init__(self, voltage: Waveform, wave: Drive, limit: float, sign: float) -> None:
         q = wave.parameters()
         self.period, self.limit, self.sign = wave.period, limit, sign
-        self.wave_switches = wave.switches
+        self.wave_switches, self.time_scale = wave.switches, wave.time_scale
         switches = [time for time in wave.switches if 0.0 < time < self.period]
         self.intervals = list(pairwise([0.0, *switches, self.period]))
         self.density = max(
@@ -179,7 +163,6 @@ class SlewedSide:
         )
         numbers: Any = q.tolist()  # faster than an array, element by element
         self.value: Callable[[float], float] = lambda t: float(voltage(t, numbers))
-        self.slope: Callable[[float], float] = lambda t: float(rate(t, numbers))
         values = [self.value(t) for begin, end in self.intervals for t in self._grid(begin, end)]
         self.scale = max(max(map(abs, values)), 1e-300)
 
@@ -211,6 +194,15 @@ class SlewedSide:
             return abs(change) > tolerance and (change > 0.0) == is_rising
 
         return self._period_output(bisect(moves, start, far, tolerance)[1])[0]
+
+    def slope(self, t: float) -> float:
+        """Return the rate of the demanded voltage, by values between the same two switches."""
+        begin, end = next(each for each in reversed(self.intervals) if each[0] <= t)
+        h = min(SLOPE_STEP * self.time_scale, 0.25 * (end - begin))
+        centre = min(max(t, begin + h), math.nextafter(end, 0.0) - h)
+        below, middle, above = map(self.value, (centre - h, centre, centre + h))
+        bend = (above - 2.0 * middle + below) / (h * h)
+        return (above - below) / (2.0 * h) + (t - centre) * bend
 
     def switches(self, pieces: list[OutputPiece]) -> set[float]:
         """Return the switching times of these pieces."""

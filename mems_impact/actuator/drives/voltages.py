@@ -182,38 +182,26 @@ class Voltages(Drive):
             **{name: wave.scaled(voltage, time) for name, wave in self._waves.items()}
         )
 
-    def _waveform(self, channel: str, function: str) -> Waveform | None:
-        """Return a function of a channel, which reads its block of the array."""
-        if getattr(self, channel) is None:
+    def _waveform(self, channel: str) -> Waveform | None:
+        """Return the waveform of a channel, which reads its block of the array."""
+        wave = self._waves.get(channel)
+        if wave is None:
             return None
-        block = list(self._waves).index(channel)
-        return with_offset(retime(getattr(getattr(self, channel), function)), block)
+        return with_offset(retime(wave.voltage), list(self._waves).index(channel))
 
     @property
     def voltage(self) -> Waveform:  # type: ignore[override]
         """The waveform at the right electrode as a function of t and q."""
-        waveform = self._waveform("right", "voltage")
-        assert waveform is not None
-        return waveform
-
-    @property
-    def voltage_rate(self) -> Waveform:  # type: ignore[override]
-        """Time derivative of the waveform."""
-        waveform = self._waveform("right", "voltage_rate")
+        waveform = self._waveform("right")
         assert waveform is not None
         return waveform
 
     @property
     def left_voltage(self) -> Waveform | None:
         """The waveform at the left electrode."""
-        return self._waveform("left", "voltage")
-
-    @property
-    def left_rate(self) -> Waveform | None:
-        """Time derivative of the waveform at the left electrode."""
-        return self._waveform("left", "voltage_rate")
+        return self._waveform("left")
 
     @property
     def clamp_voltage(self) -> Waveform | None:
         """The waveform at the clamp."""
-        return self._waveform("clamp", "voltage")
+        return self._waveform("clamp")

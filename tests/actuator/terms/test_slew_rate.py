@@ -86,10 +86,7 @@ def test_refuses_a_voltage_whose_sign_is_unknown():
     def wave(t, q):
         return 0.3 * math.cos(0.5 * t)
 
-    def rate(t, q):
-        return -0.15 * math.sin(0.5 * t)
-
-    drive = mi.Custom(function=wave, rate=rate, period=2.0 * math.pi, switches=(math.pi,))
+    drive = mi.Custom(function=wave, period=2.0 * math.pi, switches=(math.pi,))
     with pytest.raises(mi.InvalidParameter, match="changes its sign from one forcing period"):
         ZHAO.adding(mi.SlewRate(rate=0.1)).under(drive)
 

@@ -192,10 +192,7 @@ WITHOUT_COMPILER = """
     def cosine(t, q):
         return q[0] * math.cos(t)
 
-    def rate(t, q):
-        return -q[0] * math.sin(t)
-
-    drive = mi.Custom(function=cosine, rate=rate, period=2 * math.pi, values={"height": 0.2})
+    drive = mi.Custom(function=cosine, period=2 * math.pi, values={"height": 0.2})
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         print(mi.simulate(mi.load_actuator("zhao2004"), drive, 1).final.x2)

@@ -10,10 +10,6 @@ def _voltage(t, q):
     return q[0] * (t / q[1] - np.floor(t / q[1]))
 
 
-def _rate(t, q):
-    return q[0] / q[1]
-
-
 class Sawtooth(Drive):
     amplitude: NonNegative
     period: Positive
@@ -21,7 +17,6 @@ class Sawtooth(Drive):
     units = {"amplitude": "V", "period": "s"}  # noqa: RUF012
 
     voltage = staticmethod(_voltage)
-    voltage_rate = staticmethod(_rate)
 
     @property
     def switches(self):
