@@ -27,6 +27,7 @@ from typing import (
     get_origin,
 )
 
+import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import (
     BaseModel,
@@ -55,6 +56,7 @@ __all__ = [
     "Positive",
     "Unit",
     "Varied",
+    "finite_numbers",
     "limits_of",
     "unknown",
 ]
@@ -83,6 +85,17 @@ if TYPE_CHECKING:
     Given: TypeAlias = T | Any
 else:
     Given = Annotated[T, "given in other forms too"]
+
+
+def finite_numbers(values: Any, *, least: int) -> tuple[float, ...]:
+    """Return a list of `least` or more finite numbers; ValueError for others."""
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.zeros(0)
+    if numbers.ndim != 1 or numbers.size < least or not np.isfinite(numbers).all():
+        raise ValueError(f"a list of {least} or more finite numbers")
+    return tuple(numbers.tolist())
 
 
 @dataclass(frozen=True)
@@ -172,9 +185,14 @@ class Checked(BaseModel, metaclass=_Kind):
         """Raise InvalidParameter if a value was given with a unit, here or in a nested object."""
         for name, value in vars(self).get(TEXTS, {}).items():
             quantity(name, value, None, "device")
-        for name in type(self).model_fields:
-            if isinstance(inner := getattr(self, name), Checked):
-                inner.check_without_units()
+        for inner in self._nested:
+            inner.check_without_units()
+
+    @property
+    def _nested(self) -> list[Any]:
+        """The parameter objects among its values."""
+        values = (getattr(self, name) for name in type(self).model_fields)
+        return [value for value in values if isinstance(value, Checked)]
 
     @classmethod
     def __pydantic_init_subclass__(cls, **more: Any) -> None:

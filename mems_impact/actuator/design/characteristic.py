@@ -267,39 +267,38 @@ def _working_points(
     rate: WearRate | None,
 ) -> pd.DataFrame:
     """Return the rows of one curve."""
-    found = sweep_summary(swept).to_dict("records")
-    rows: list[dict[str, Any]] = []
-    for row in found:
-        case = system.changed(**{parameter: row[parameter]})
-        delta, period = case.actuator.delta, float(case.forcing_period)
-        blows, moved, given, slip, speed = (
-            row[name] for name in ("blows per period", "displacement per period",
-                                   "energy in per period", "slip per period", "mean speed")
-        )  # fmt: skip
-        point = {
-            **key,
-            parameter: row[parameter],
-            DIRECTION: row[DIRECTION],
-            STATUS: row[STATUS],
-            "impacting": row["impacting"],
-            "deflection": delta if row["impacting"] else delta - row["closest approach"],
-            "impacts per period": row["impacts per period"],
-            "blows per period": blows,
-            "displacement per period": moved,
-            "displacement per blow": moved / blows if blows > 0.0 else math.nan,
-            "mean speed": speed,
-            "mean speed error": row[error_column("mean speed")],
-            "energy in per period": given,
-            "energy in per blow": given / blows if blows > 0.0 else math.nan,
-            "power in": given / period,
-            "slip per period": slip,
-        }
-        if rate is not None:
-            normal = mean_normal_force(case, row["friction loss per period"], slip)
-            worn = rate.periods(normal, slip)
-            point |= {"life": worn * period, "distance": worn * moved if moved else 0.0}
-        rows.append(point)
-    columns = {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
+    found = sweep_summary(swept)
+    cases = [system.changed(**{parameter: value}) for value in found[parameter].tolist()]
+    delta = np.array([case.actuator.delta for case in cases])
+    period = np.array([float(case.forcing_period) for case in cases])
+    blows, moved, given, slip = (
+        found[name].to_numpy() for name in ("blows per period", "displacement per period",
+                                            "energy in per period", "slip per period")
+    )  # fmt: skip
+    each = np.where(blows > 0.0, blows, math.nan)
+    copied = ("impacts per period", "blows per period", "displacement per period")
+    columns = {
+        **{name: np.full(len(found), value) for name, value in key.items()},
+        **{name: found[name] for name in (parameter, DIRECTION, STATUS, "impacting")},
+        "deflection": np.where(found["impacting"], delta, delta - found["closest approach"]),
+        **{name: found[name] for name in copied},
+        "displacement per blow": moved / each,
+        "mean speed": found["mean speed"],
+        "mean speed error": found[error_column("mean speed")],
+        "energy in per period": given,
+        "energy in per blow": given / each,
+        "power in": given / period,
+        "slip per period": slip,
+    }
+    if rate is not None:
+        losses = found["friction loss per period"].tolist()
+        worn = np.array([
+            rate.periods(mean_normal_force(case, loss, path), path)
+            for case, loss, path in zip(cases, losses, slip.tolist(), strict=True)
+        ])  # fmt: skip
+        still = moved == 0.0
+        columns["life"] = worn * period
+        columns["distance"] = np.where(still, 0.0, np.where(still, 0.0, worn) * moved)
     return table({}, system, user_columns=columns, symbols=dict(system.units.symbols))
 
 

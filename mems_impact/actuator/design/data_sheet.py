@@ -515,12 +515,9 @@ class DataSheet(Mapping[str, Any]):
         """
         if "pull_in" not in self._values:
             return None
-        device = self.actuator
-        pull = device.alpha * self["pull_in"] ** 2 / (device.d - device.delta) ** 2
-        if any("right electrode" in term.replaced_rules for term in device.terms):
-            scales = device.scales
-            forces, volts = StaticForces(device), scales.into(self["pull_in"], "V")
-            pull = scales.out(forces.attraction(forces.actuator.delta) * volts**2, "N")
+        scales, forces = self.actuator.scales, StaticForces(self.actuator)
+        volts = scales.into(self["pull_in"], "V")
+        pull = scales.out(forces.attraction(forces.actuator.delta) * volts**2, "N")
         return float(max(pull - self["spring_force"], 0.0))
 
     @property

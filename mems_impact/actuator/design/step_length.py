@@ -9,7 +9,6 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator import impact_law
 from mems_impact.actuator.automaton import RIGHT_IMPACT
 from mems_impact.actuator.design.static_forces import StaticForces, contact_amount
 from mems_impact.actuator.equations import V1, V2, X2
@@ -82,20 +81,6 @@ def step_length(actuator: ActuatorParameters, speed: ArrayLike, voltage: ArrayLi
     """
     speed = numbers_for(actuator, "speed", speed, "m/s")
     voltage = numbers_for(actuator, "voltage", voltage, "V")
-    if actuator.terms:
-        return _step_with_terms(actuator, speed, voltage)
-    p = actuator.to_array()
-    speeds, volts = np.broadcast_arrays(np.asarray(speed, float), np.asarray(voltage, float))
-    after = impact_law.frame_speed_after(0.0, 1.0, actuator.e, p) * speeds
-    pull = actuator.alpha * volts**2 / (actuator.d - actuator.delta) ** 2
-    load = actuator.k * actuator.delta - actuator.c * actuator.e * speeds - pull
-    slowing = (eq.sliding_friction(1, p) - load) / actuator.m1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        result = np.where(slowing > 0.0, after**2 / (2.0 * slowing), np.inf)
-    return float(result) if result.ndim == 0 else result
-
-
-def _step_with_terms(actuator: ActuatorParameters, speed: ArrayLike, voltage: ArrayLike) -> Any:
     scales, device = actuator.scales, StaticForces(actuator)
 
     def step(one: float, volts: float) -> float:
@@ -125,10 +110,7 @@ def step_lengths(run: Any) -> pd.DataFrame:
     volts = run.system.node_voltages(hits.cycle, hits.time, hits.after)["node voltage"]
     volts = scales.out(volts, "V")
     speed = scales.out(hits.before[:, V2], "m/s")
-    if run.actuator.terms:
-        formula = scales.out(_steps_after(run, hits), "m")
-    else:
-        formula = step_length(run.actuator, speed, volts)
+    formula = scales.out(_steps_after(run, hits), "m")
     simulated = scales.out(steps, "m")
     columns = {
         "period": hits.cycle,

@@ -141,9 +141,8 @@ class Drive(Varied, ABC):
         for name, value in vars(self).get(TEXTS, {}).items():
             if self.unit_of(name) == "V":
                 quantity(name, value, unit)
-        for name in type(self).model_fields:
-            if isinstance(nested := getattr(self, name), Drive):
-                nested.check_texts(unit)
+        for nested in self._nested:
+            nested.check_texts(unit)
 
     @model_validator(mode="before")
     @classmethod
@@ -238,14 +237,9 @@ class Drive(Varied, ABC):
 
     def check_signed(self) -> None:
         """Raise InvalidParameter if the sign of the voltage does not repeat after two periods."""
-        nested = [
-            value
-            for name in type(self).model_fields
-            if isinstance(value := getattr(self, name), Drive)
-        ]
-        for drive in nested:
+        for drive in self._nested:
             drive.check_signed()
-        if not nested and _signs(self) is not Signs.STAY and not self.changes_sign:
+        if not self._nested and _signs(self) is not Signs.STAY and not self.changes_sign:
             problem = (
                 "the voltage changes its sign from one forcing period to the next, which matters "
                 "to a term of the actuator; give the period of the voltage itself, with all its "

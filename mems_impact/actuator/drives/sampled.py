@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from itertools import pairwise
 from os import PathLike
 from typing import Annotated, Any, Self
@@ -16,7 +17,7 @@ from mems_impact._util.formatting import shown
 from mems_impact._util.text_tables import even_times
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
-from mems_impact.actuator.parameter_base import Given, Number, Positive, Unit
+from mems_impact.actuator.parameter_base import Given, Number, Positive, Unit, finite_numbers
 from mems_impact.actuator.toml_files import read_columns
 from mems_impact.errors import InvalidParameter, ValidityWarning
 
@@ -29,17 +30,11 @@ ALTERNATING = 0.02  # of the range of the voltage
 LIST = "a list of 3 or more finite numbers"
 
 
-def _numbers(values: Any) -> tuple[float, ...]:
-    try:
-        numbers = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(LIST) from None
-    if numbers.ndim != 1 or numbers.size < 3 or not np.isfinite(numbers).all():
-        raise ValueError(LIST)
-    return tuple(numbers.tolist())
-
-
-Numbers = Annotated[Given[tuple[float, ...]], BeforeValidator(_numbers), Field(description=LIST)]
+Numbers = Annotated[
+    Given[tuple[float, ...]],
+    BeforeValidator(partial(finite_numbers, least=3)),
+    Field(description=LIST),
+]
 
 
 class Sampled(PiecewiseDrive):
@@ -167,7 +162,10 @@ class Sampled(PiecewiseDrive):
     def _close(cls, values: dict[str, Any]) -> dict[str, Any]:
         """Determine the period of the record and drop a last sample that repeats the first."""
         try:
-            times, voltages = _numbers(values["times"]), _numbers(values["voltages"])
+            times, voltages = (
+                finite_numbers(values["times"], least=3),
+                finite_numbers(values["voltages"], least=3),
+            )
         except (KeyError, ValueError):
             return values  # validation of the fields reports it
         if len(times) != len(voltages):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -17,7 +18,7 @@ from mems_impact._util.limits import Bound
 from mems_impact._util.quantities import QuantityError, magnitude
 from mems_impact._util.units import Scales
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.parameter_base import Given, Unit, unknown
+from mems_impact.actuator.parameter_base import Given, Unit, finite_numbers, unknown
 from mems_impact.actuator.plausible_ranges import LENGTH
 from mems_impact.actuator.splines import (
     COEFFICIENTS,
@@ -36,18 +37,10 @@ LIST = f"a list of {MIN_POINTS} or more finite numbers"
 MIN_SPACING_RATIO = 1e-9  # of the range of the positions: closer ones coincide
 
 
-def _numbers(values: Any) -> tuple[float, ...]:
-    try:
-        numbers = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(LIST) from None
-    if numbers.ndim != 1 or numbers.size < MIN_POINTS or not np.isfinite(numbers).all():
-        raise ValueError(LIST)
-    return tuple(numbers.tolist())
-
-
 TableNumbers = Annotated[
-    Given[tuple[float, ...]], BeforeValidator(_numbers), Field(description=LIST)
+    Given[tuple[float, ...]],
+    BeforeValidator(partial(finite_numbers, least=MIN_POINTS)),
+    Field(description=LIST),
 ]
 """A column of a table."""
 
