@@ -23,17 +23,7 @@ __all__ = ["automaton_with_source"]
 
 
 class AutomatonWriter(_CodeWriter):
-    """Writes an automaton, and keeps the texts."""
-
-    def functions(self) -> dict[str, Any]:
-        """Return flow, margins and transition; `texts` has their source."""
-        texts = [self.flow(), self.margins(), self.transition()]
-        exec(compile("\n\n".join(texts), GENERATED, "exec"), self.space)
-        names = ("flow", "margins", "transition")
-        self.texts = {
-            self.space[name].__code__: text for name, text in zip(names, texts, strict=True)
-        }
-        return {name: self.space[name] for name in names}
+    """Writes an automaton for export."""
 
     def projection(self) -> Callable[..., Any] | None:
         """Return None: only continuation projects states onto constraints."""
@@ -65,5 +55,4 @@ def automaton_with_source(
         definition = scaling.scaled()
         texts |= scaling.texts
     writer = AutomatonWriter(definition, resolve_order(definition.guards))
-    functions = writer.functions()
-    return replace(automaton_of(original), **functions), {**texts, **writer.texts}
+    return replace(automaton_of(original), **writer.functions()), texts

@@ -239,10 +239,9 @@ class _CodeWriter:
 
     def functions(self) -> dict[str, Any]:
         """Return flow, margins and transition of the automaton."""
-        names = ["flow", "margins", "transition"]
-        text = [self.flow(), self.margins(), self.transition()]
-        exec(compile("\n\n".join(text), GENERATED, "exec"), self.space)
-        return {name: self.space[name] for name in names}
+        self.space["SOURCE"] = "\n\n".join([self.flow(), self.margins(), self.transition()])
+        exec(compile(self.space["SOURCE"], GENERATED, "exec"), self.space)
+        return {name: self.space[name] for name in ("flow", "margins", "transition")}
 
     def time(self, function: Callable[..., Any], *, forcing: bool) -> str:
         """Return the time that a function receives."""
@@ -262,14 +261,15 @@ class _CodeWriter:
         return function("flow(mode, t, y, p, dy)", lines)
 
     def margins(self) -> str:
-        lines = [*self.head(), *self.motion()] if self.guards else ["pass"]
+        now = "now = with_rate(t, 1.0)"
+        lines = [*self.head(), *self.motion(), now] if self.guards else ["pass"]
         for i, guard in enumerate(self.guards):
             assert guard.margin is not None
             self.space[f"margin_{i}"] = guard.margin
             time = self.time(guard.margin, forcing=moves(guard))
             if time != "t":
                 self.timed.append(i)
-            now = f"with_rate({time}, 1.0)"
+            now = "now" if time == "t" else f"with_rate({time}, 1.0)"
             call = f"along(margin_{i}, p[{self.count}], mode, {now}, moving, q)"
             lines += in_modes(guard.modes, [f"g[{i}], r[{i}] = {call}"])
         return function("margins(mode, t, y, p, g, r)", lines)
@@ -308,7 +308,9 @@ class _CodeWriter:
                     lines += self.case(self.m + i, f"rest_{i}", guard.rest)
         lines += self.case(2 * self.m, "switch_transition", self.definition.switch_transition)
         lines += self.case(2 * self.m + 1, "projection", self.projection(), forcing=True)
-        return function("transition(mode, code, t, y, p)", [*lines, "return mode"])
+        put = ["mode, new = after", f"{self.each('y')} = new", "return int(mode)"]
+        head = "transition(mode, code, t, y, p)"
+        return f"{function('put(after, y)', put)}\n\n{function(head, [*lines, 'return mode'])}"
 
     def projection(self) -> Callable[..., Any] | None:
         """Return the projection onto the constraints of a mode."""
@@ -336,8 +338,7 @@ class _CodeWriter:
             lines = [f"x = p[{start}:{start + self.n}]", *copy]
             lines.append(f"return int({name}(mode, {time}, x, q, y))")
         else:
-            lines = [f"new_mode, new = {name}(mode, {time}, s, q)"]
-            lines += [f"{self.each('y')} = new", "return int(new_mode)"]
+            lines = [f"return put({name}(mode, {time}, s, q), y)"]
         return [f"if code == {code}:", *indented(lines)]
 
     def head(self) -> list[str]:
@@ -368,8 +369,13 @@ def in_modes(modes: tuple[int, ...] | None, lines: list[str]) -> list[str]:
     """Return lines that are executed in the given modes only."""
     if modes is None:
         return lines
-    condition = " or ".join(f"mode == {int(mode)}" for mode in modes)
-    return [f"if {condition}:", *indented(lines)]
+    firsts = sorted(int(mode) for mode in {*modes} if mode - 1 not in modes)
+    lasts = sorted(int(mode) for mode in {*modes} if mode + 1 not in modes)
+    runs = (
+        f"{a} <= mode <= {b}" if a < b else f"mode == {a}"
+        for a, b in zip(firsts, lasts, strict=True)
+    )
+    return [f"if {' or '.join(runs)}:", *indented(lines)]
 
 
 def indented(lines: Sequence[str]) -> list[str]:

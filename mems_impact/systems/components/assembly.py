@@ -14,12 +14,14 @@ motion.
 
 from __future__ import annotations
 
+import ast
 import itertools
 import math
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, NamedTuple
 
 from mems_impact.errors import InvalidParameter
@@ -48,6 +50,7 @@ from mems_impact.systems.state import Mode
 WORD = re.compile(r"[A-Za-z_]\w*")
 ASSIGNMENT = re.compile(r"\w+ = ")
 OF_PARAMETERS = re.compile(r"given_\d+\(p\)")
+SHORT = re.compile(r"abs|min|max|given_\d+|time_error")  # functions that are called in any case
 MOTION_RATIO = "0.999999999"  # relative difference of motions that differ
 
 
@@ -450,6 +453,22 @@ def concise(signature: str, lines: Sequence[str]) -> str:
     )
 
 
+class Eager(ast.NodeTransformer):
+    """Replacement of ``and``, ``or`` between conditions without calls by bitwise operators.
+
+    A branch takes numba several times as long to compile as an operator.
+    """
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> ast.expr:
+        """Return the replacement, or the node if it calls functions that take long."""
+        self.generic_visit(node)
+        calls = [each.func for each in ast.walk(node) if isinstance(each, ast.Call)]
+        if not all(isinstance(each, ast.Name) and SHORT.match(each.id) for each in calls):
+            return node
+        operator = ast.BitAnd() if isinstance(node.op, ast.And) else ast.BitOr()
+        return reduce(lambda a, b: ast.BinOp(a, operator, b), node.values)
+
+
 # --- Assembly
 
 
@@ -563,7 +582,8 @@ def assemble(
     sources += [text.guard(i, names, spec) for i, (names, spec) in enumerate(specs)]
     sources += [text.users(i, guard) for i, guard in enumerate(guards)]
     space = text.space
-    space["SOURCE"] = "\n\n".join(sources)  # which export translates
+    # Which export translates.
+    space["SOURCE"] = ast.unparse(Eager().visit(ast.parse("\n\n".join(sources))))
     exec(compile(f"{space['SOURCE']}\n\n{text.acting()}", GENERATED, "exec"), space)
     # Descriptions of a system show the user's functions, not the generated ones.
     space["flow"].__module__, space["flow"].__qualname__ = flow.__module__, flow.__qualname__
