@@ -8,7 +8,6 @@ from typing import Any
 
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.definition import (
-    GENERATED,
     Definition,
     Typical,
     _CodeWriter,

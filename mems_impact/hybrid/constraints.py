@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
 __all__ = [
     "PROJECTION_STEPS",
+    "all_pairs",
     "elimination",
     "projection_source",
     "substitution",
@@ -54,32 +56,49 @@ def slope(i: int, j: int, n: int) -> str:
     return f"along(holds_{i}, {CONSTRAINT_STEP!r}, mode, {moving}, q)[1]"
 
 
-def elimination(k: int, redundant: str = REDUNDANCY_RTOL) -> list[str]:
+Pairs = set[tuple[int, int]]
+
+
+def elimination(
+    k: int, redundant: str = REDUNDANCY_RTOL, coupled: Pairs | None = None
+) -> list[str]:
     """Return the lines that solve the symmetric system ``g`` with the right sides ``r`` for ``f``.
 
-    Unknowns of redundant equations are zero.
+    Unknowns of redundant equations are zero, as are elements of ``g`` beside the diagonal that are
+    not among the pairs `coupled`, of all equations by default.
     """
+    coupled = all_pairs(k) if coupled is None else coupled
     sizes = [f"size{i} = g{i}_{i}" for i in range(k)]
-    return [*sizes, *triangular(k, redundant), *substitution(k)]
+    return [*sizes, *triangular(k, redundant, coupled), *substitution(k, coupled)]
 
 
-def triangular(k: int, redundant: str) -> list[str]:
-    """Return the lines that bring the symmetric system to triangular form, by ``share``."""
+def all_pairs(k: int) -> Pairs:
+    """Return the pairs i < j of k numbers."""
+    return set(itertools.combinations(range(k), 2))
+
+
+def triangular(k: int, redundant: str, coupled: Pairs) -> list[str]:
+    """Return the lines that bring the symmetric system to triangular form, by ``share``.
+
+    Elements that become nonzero are added to `coupled`.
+    """
     lines = []
     for i in range(k):
         lines.append(f"alone{i} = g{i}_{i} > {redundant} * size{i}")
         lines.append(f"inverse{i} = 1.0 / g{i}_{i} if alone{i} else 0.0")
-        for j in range(i + 1, k):
+        others = [j for j in range(i + 1, k) if (i, j) in coupled]
+        coupled |= set(itertools.combinations(others, 2))
+        for j in others:
             lines.append(f"share{i}_{j} = g{i}_{j} * inverse{i}")
-            lines += [f"g{j}_{n} -= share{i}_{j} * g{i}_{n}" for n in range(j, k)]
+            lines += [f"g{j}_{n} -= share{i}_{j} * g{i}_{n}" for n in others if n >= j]
             lines.append(f"r{j} -= share{i}_{j} * r{i}")
     return lines
 
 
-def substitution(k: int) -> list[str]:
+def substitution(k: int, coupled: Pairs) -> list[str]:
     """Return the lines that solve the triangular system for ``f``."""
     lines = []
     for i in reversed(range(k)):
-        known = "".join(f" - g{i}_{j} * f{j}" for j in range(i + 1, k))
+        known = "".join(f" - g{i}_{j} * f{j}" for j in range(i + 1, k) if (i, j) in coupled)
         lines.append(f"f{i} = (r{i}{known}) * inverse{i}")
     return lines

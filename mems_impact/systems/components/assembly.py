@@ -235,7 +235,7 @@ class FlowWriter:
         found = (self.modes_with(number, (each.mode,)) for number, each in constraints)
         modes = tuple(sorted({mode for each in found for mode in each}))
         moved = [f"y[{j}]" for j in range(len(self.states))]
-        lines = self.digits()
+        lines, coupled = self.digits(), set[tuple[int, int]]()
         for i, ((number, slopes), values) in enumerate(rows.items()):
             lines.append(f"holds{i} = {' or '.join(f'm{number} == {mode}' for mode in values)}")
             cases = (f"-{value} if m{number} == {mode} else " for mode, value in values.items())
@@ -245,13 +245,15 @@ class FlowWriter:
                 shared = [f"a{j}_{s} * a{i}_{s}" for s, _ in slopes if s in dict(others)]
                 gain = f"{' + '.join(shared)} if holds{i} and holds{j} else " if shared else ""
                 lines.append(f"g{j}_{i} = {gain}0.0")
+                coupled |= {(j, i)} if shared else set()
             for s, _ in slopes:
                 moved[s] += f" + a{i}_{s} * f{i}"
-        lines += [*elimination(len(rows)), f"return State({', '.join(moved)})"]
+        lines += elimination(len(rows), coupled=coupled)
+        lines.append(f"return State({', '.join(moved)})")
         steps = 1 if all(constraint.linear for _, constraint in constraints) else PROJECTION_STEPS
         iteration = [f"for _ in range({steps}):", "    y = nearer(mode, t, y, p)", "return mode, y"]
         return modes, [
-            function("nearer(mode, t, y, p)", lines),
+            concise("nearer(mode, t, y, p)", lines),
             function("projection(mode, t, y, p)", iteration),
         ]
 
@@ -265,11 +267,18 @@ class FlowWriter:
     def mode_conditions(self) -> str:
         """Return the source of the test whether a mode fits a state."""
         lines = [*self.digits(), *self.digits("before", "last"), *self.rests()]
+
+        def refusal(given: str, names: CodeNames, conditions: list[str]) -> list[str]:
+            tests = [
+                f"{names.mode} == {mode} and not ({condition})"
+                for mode, condition in enumerate(conditions)
+                if condition != "True"
+            ]
+            return [f"if {given}({' or '.join(tests)}):", "    return False"] if tests else []
+
         for names, part in self.pairs:
-            for mode, condition in enumerate(part.state_conditions(names)):
-                if condition != "True":
-                    test = f"{names.mode} == {mode} and not ({condition})"
-                    lines += [f"if given != {names.number} and {test}:", "    return False"]
+            given = f"given != {names.number} and "
+            lines += refusal(given, names, part.state_conditions(names))
         lines += self.holding.blocked()
         lines += ["x = slopes(mode, t, y, p)", *self.holding.limits(), *self.sliding.conditions()]
         for names, part in self.pairs:
@@ -277,13 +286,11 @@ class FlowWriter:
             tests += self.unlimited(names)
             if names.contact is not None:
                 tests += self.holding.room(names)
-            for mode, condition in enumerate(part.mode_conditions(names)):
-                test = f"if {names.mode} == {mode} and not ({condition}):"
-                tests += [test, "    return False"]
+            tests += refusal("", names, part.mode_conditions(names))
             given = f"given != {names.number}"
             if isinstance(part, SwitchingSurface):
                 given += f" and given != {ALL_SURFACES}"
-            lines += [f"if {given}:", *indented(tests)]
+            lines += [f"if {given}:", *indented(tests)] if tests else []
         return concise("fits(mode, before, fired, given, jumped, t, y, p)", [*lines, "return True"])
 
     def together(self) -> list[str]:

@@ -29,7 +29,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Guard
-from mems_impact.hybrid.constraints import elimination, substitution, triangular
+from mems_impact.hybrid.constraints import all_pairs, elimination, substitution, triangular
 from mems_impact.hybrid.definition import function, indented
 from mems_impact.hybrid.event_loop.workspace import NO_FIT
 from mems_impact.systems.components.base import CodeNames
@@ -125,7 +125,7 @@ class Sliding:
         adds += [f"sum{i}_{j} += l{i} * d[{j}]" for i in rows for j in columns]
         body += [*self.flows(adds), "if turn == 0:"]
         body += [f"    size{i} = g{i}_{i}" for i in rows]
-        body += triangular(self.k + 1, "rtol")
+        body += triangular(self.k + 1, "rtol", all_pairs(self.k + 1))
         accurate = " and ".join(f"(alone{i} or size{i} == 0.0)" for i in rows)
         body += [f"if {accurate}:", "    break"]
         body.append(f"rtol = {DEPENDENT_RTOL}")
@@ -133,7 +133,7 @@ class Sliding:
         lines += [f"share{i}_{j} = 0.0" for i, j in self.gram() if i < j]
         lines += [f"r{i} = {float(i == 0)}" for i in rows]
         lines += [f"rtol = {ACCURATE_RTOL}", "for turn in range(2):", *indented(body)]
-        lines += substitution(self.k + 1)
+        lines += substitution(self.k + 1, all_pairs(self.k + 1))
         mixed = (" + ".join(f"f{i} * sum{i}_{j}" for i in rows) for j in columns)
         lines.append(f"return ({', '.join(mixed)},)")
         return self.function("intersection(mode, t, y, p)", lines)
