@@ -148,7 +148,7 @@ class VerilogStatements:
             except TypeError:  # of an array with expressions
                 pass
         if not isinstance(function, FunctionType):
-            raise _refusal(function, f"{function!r} has no Verilog-A form")
+            raise _refusal(function)
         key = (function, *map(_key, arguments))
         if key not in self.results:
             handler = self.handlers.get(function.__code__)
@@ -188,7 +188,7 @@ class _Call:
         return self.result
 
     def refuse(self, node: ast.AST) -> NoReturn:
-        raise _refusal(self.function, f"{type(node).__name__} has no Verilog-A form")
+        raise _refusal(self.function, f": {type(node).__name__}")
 
     def block(self, statements: Sequence[ast.stmt]) -> None:
         for i, statement in enumerate(statements):
@@ -366,9 +366,10 @@ class _Call:
         return result
 
 
-def _refusal(function: Any, problem: str) -> FunctionError:
+def _refusal(function: Any, part: str = "") -> FunctionError:
     name = getattr(function, "__name__", repr(function))
     code = getattr(function, "__code__", None)
     place = (code.co_filename, code.co_firstlineno) if code else ("", 0)
+    problem = f"cannot be translated to Verilog-A{part}"
     remedy = "use arithmetic, functions of math and conditions"
     return FunctionError(f"function {name!r}", problem, remedy, *place)
