@@ -7,7 +7,7 @@ reference that lie on its grid, to the tolerance of its logs, relative to the ra
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -269,10 +269,11 @@ def lossy_gear(
     inertias: tuple[float, float],
     efficiency: float,
     losses: tuple[float, float],
-    speed: float,
-    switches: list[float],
+    speed: float = 0.0,
+    bearing: float = 0.0,
+    switches: Sequence[float] = (),
 ) -> mi.System:
-    """Two inertias and a gear, whose loss depends on the driving side.
+    """Two inertias, a gear whose loss depends on the driving side, and a bearing at the first.
 
     The loss is ``(1 - efficiency) torque + losses[0]`` if the first side drives, else ``(1 - 1 /
     efficiency) torque + losses[1]``, both equal at the torque `border`; backward the opposite.
@@ -282,23 +283,27 @@ def lossy_gear(
     shares = (1.0 - efficiency, 1.0 - 1.0 / efficiency)
     inertia1, inertia2 = inertias
 
-    def acceleration(t, share, loss):  # type: ignore[no-untyped-def]
-        torque = load(t) + ratio * ((1.0 - share) * drive(t) - loss)
+    def driving(t, sign, w):  # type: ignore[no-untyped-def]
+        return drive(t) - bearing * (sign + ratio * w)
+
+    def acceleration(drive, load, share, loss):  # type: ignore[no-untyped-def]
+        torque = load + ratio * ((1.0 - share) * drive - loss)
         return torque / (inertia2 + ratio**2 * (1.0 - share) * inertia1)
 
     def flow(mode, t, y, p):  # type: ignore[no-untyped-def]
         if mode == stuck:
             return 0.0, 0.0
         sign = 1.0 if mode == forward else -1.0
-        rate = acceleration(t, shares[0], sign * losses[0])
-        if sign * (drive(t) - inertia1 * ratio * rate) < border:
-            rate = acceleration(t, shares[1], sign * losses[1])
+        torque = driving(t, sign, y.w)
+        rate = acceleration(torque, load(t), shares[0], sign * losses[0])
+        if sign * (torque - inertia1 * ratio * rate) < border:
+            rate = acceleration(torque, load(t), shares[1], sign * losses[1])
         return y.w, rate
 
     def room(t, sign):  # type: ignore[no-untyped-def]
-        torque = sign * drive(t)
+        torque = sign * driving(t, sign, 0.0)
         i = 0 if torque > border else 1
-        return shares[i] * torque + losses[i] - sign * (drive(t) + load(t) / ratio)
+        return shares[i] * torque + losses[i] - torque - sign * load(t) / ratio
 
     to = lambda after: lambda mode, t, y, p: (after, (y.phi, 0.0))  # noqa: E731
     guards = []
@@ -324,16 +329,16 @@ def lossy_gear(
     )
 
 
-def half_efficient_gear() -> mi.System:
+def half_efficient_gear(bearing: float) -> mi.System:
     drive = lambda t: 10.0 * math.sin(2.0 * math.pi * t)  # noqa: E731
     load = lambda t: -10.0 + 2.5 * t  # noqa: E731
-    return lossy_gear(drive, load, 2.0, (1.0, 1.5), 0.5, (0.0, 0.0), 0.0, [])
+    return lossy_gear(drive, load, 2.0, (1.0, 1.5), 0.5, (0.0, 0.0), bearing=bearing)
 
 
 def rubbing_gear() -> mi.System:
     load = lambda t: 1.0 if t >= 0.5 else 0.0  # noqa: E731
     inertias, losses = (0.001, 0.001), (0.625, 2.5)
-    return lossy_gear(lambda t: 0.0, load, 1.0, inertias, 0.25, losses, 10.0, [0.5])
+    return lossy_gear(lambda t: 0.0, load, 1.0, inertias, 0.25, losses, 10.0, switches=[0.5])
 
 
 def gear_shift() -> mi.System:
@@ -508,7 +513,12 @@ MODELS = {
     ),
     "Mechanics/Rotational/Examples/OneWayClutch": Model(one_way_clutch, CLUTCH, 2.0),
     "Mechanics/Rotational/Examples/OneWayClutchDisengaged": Model(disengaged_clutch, CLUTCH, 2.0),
-    "Mechanics/Rotational/Examples/LossyGearDemo1": Model(half_efficient_gear, GEAR, 0.5),
+    "Mechanics/Rotational/Examples/LossyGearDemo1": Model(
+        partial(half_efficient_gear, 0.0), GEAR, 0.5
+    ),
+    "Mechanics/Rotational/Examples/LossyGearDemo2": Model(
+        partial(half_efficient_gear, 0.5), GEAR, 0.5
+    ),
     "Mechanics/Rotational/Examples/LossyGearDemo3": Model(rubbing_gear, GEAR, 1.0),
     "Mechanics/Rotational/Examples/SimpleGearShift": Model(gear_shift, {"load.w": "w"}, 5.0),
     "Thermal/HeatTransfer/Examples/ControlledTemperature": Model(
