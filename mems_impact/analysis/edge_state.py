@@ -151,7 +151,8 @@ class _Tracking:
         """
         attractor = self.attractor(start)
         for _ in range(MAX_CONTINUATIONS):
-            number = self._number(attractor)
+            same = (i for i, each in enumerate(self.known) if self.is_same(attractor, each))
+            number = next(same, OTHER)
             is_first = not self.known
             has_settled = attractor.motion != UNSETTLED
             if number != OTHER or attractor.final is None or (is_first and has_settled):
@@ -164,11 +165,6 @@ class _Tracking:
                     return OTHER, attractor
             attractor = self.attractor(last)
         return OTHER if attractor.motion == UNSETTLED else UNCLEAR, attractor
-
-    def _number(self, attractor: Attractor) -> int:
-        return next(
-            (i for i, each in enumerate(self.known) if self.is_same(attractor, each)), OTHER
-        )
 
     def on_attractor(self, rows: list[HybridState], period: int) -> bool:
         """Return whether the last states belong to a known attractor, periodic or at rest."""

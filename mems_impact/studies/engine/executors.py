@@ -291,8 +291,7 @@ def _end(executor: Executor, *, at_once: bool) -> None:
     if at_once and isinstance(executor, ProcessPoolExecutor):
         for process in list((executor._processes or {}).values()):
             process.kill()
-    threads = isinstance(executor, ThreadPoolExecutor | ProcessPoolExecutor)
-    if threads:
+    if isinstance(executor, ThreadPoolExecutor | ProcessPoolExecutor):
         executor.shutdown(cancel_futures=True)
     else:
         executor.shutdown(wait=not at_once)
