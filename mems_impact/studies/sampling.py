@@ -187,9 +187,10 @@ def distribution_about(name: str, text: Any, system: HybridSystem) -> Any:
     from scipy import stats
 
     system.check_parameter(name, "over")
-    field = f"over.{name}"
-    kind, _, width = text.rpartition(":") if isinstance(text, str) else ("", "", text)
-    part, kind = percentage(width), kind.strip() or DISTRIBUTIONS[0]
+    field, kind, width = f"over.{name}", "", text
+    if isinstance(text, str):
+        kind, _, width = (part.strip() for part in text.rpartition(":"))
+    part, kind = percentage(width), kind or DISTRIBUTIONS[0]
     if part is not None:
         spread = part * _size("over", name, system)
     else:
