@@ -33,7 +33,7 @@ WRONG = [
     ([*SIMULATE, "--bias", "inf"], ["bias = inf", "finite"]),
     ([*SIMULATE, "--periods", "0"], ["periods = 0", "> 0"]),
     ([*SIMULATE, "--set", "e=1.5"], ["e = 1.5", "<= 1"]),
-    ([*SIMULATE, "--set", "delta=2"], ["delta = 2", "d = 1"]),
+    ([*SIMULATE, "--set", "delta=2"], ["delta = 2", "< 1, the gap d"]),
     ([*SIMULATE, "--set", "mu=1"], ["mu = 1", "mu_s"]),
     ([*SIMULATE, "--set", "e"], ["NAME=NUMBER"]),
     ([*SIMULATE, "--set", "e=x"], ["NAME=NUMBER"]),
