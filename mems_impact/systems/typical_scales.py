@@ -33,6 +33,7 @@ from mems_impact.systems.observables import EventObserver
 MIN_STATE_TOLERANCES = 1e3  # smallest magnitude of a well-scaled state, in absolute tolerances
 MIN_STEP_RATIO = 1e-4  # smallest mean step, relative to the assumed time scale
 SAMPLES_BETWEEN_EVENTS = 64  # between events
+SHORTEST_RUN = 1e-6  # periods; a shorter run has states at one instant
 ORDER_ONE = (1e-5, 1e5)  # periods that suit the tolerances of event times
 STATE_ROUNDING = 1e-12  # smaller states are errors of Newton's method
 
@@ -110,8 +111,8 @@ def between(trajectory: Trajectory) -> Floats:
     start, final, period = trajectory.start, trajectory.final, trajectory.period
     first, last = (each.cycle + each.time / period for each in (start, final))
     length = min(2.0, last - first)
-    if length <= 0.0:
-        return np.abs(start.y)
+    if length <= SHORTEST_RUN:
+        return np.maximum(np.abs(start.y), np.abs(final.y))
     samples = trajectory.samples(math.ceil(SAMPLES_BETWEEN_EVENTS / length), last=first + length).y
     return np.abs(samples).max(axis=0, initial=0.0)
 

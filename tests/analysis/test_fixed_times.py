@@ -97,6 +97,17 @@ def test_a_sample_at_a_switch_is_the_state_before_it(times):
         assert samples[["x", "v"]].iloc[k].tolist() == pytest.approx([shorter.x, shorter.v])
 
 
+@pytest.mark.parametrize("method", ["adams", "dop853"])
+def test_samples_at_many_switches(method):
+    """Switches lie beside the samples by rounding errors, after which CVODE has no state."""
+    times = tuple(k / 20 for k in range(300, 345))
+    clock = mi.System(states=("x",), flow=lambda mode, t, y, p: (1.0,), switches=times)
+    run = mi.simulate(clock, duration=17.6, options=mi.Options(method=method))
+    for count in (20, 40, 1000):
+        samples = run.samples(count)
+        assert samples["x"].to_numpy() == pytest.approx(samples["t"].to_numpy(), abs=1e-11)
+
+
 @pytest.mark.quick(1)
 @pytest.mark.parametrize("times", BLOWS)
 def test_a_run_from_the_state_of_an_orbit_follows_it(times):

@@ -237,6 +237,19 @@ def pendulum(size, refuses=False, **typical):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::mems_impact.errors.ScaleWarning")
+def test_a_run_that_ends_at_its_start():
+    """The state begins where it spirals into second-order sliding: events pile up at once."""
+
+    def twisting(mode, t, y, p):
+        return y.v, -10.0 * mode.x - 3.0 * mode.v
+
+    surfaces = [mi.SwitchingSurface("x", "x"), mi.SwitchingSurface("v", "v")]
+    system = mi.System(states=("x", "v"), flow=twisting, parts=surfaces)
+    with pytest.raises(mi.RunError, match="max_events"):
+        mi.simulate(system, duration=1.0)
+
+
 @pytest.mark.parametrize("verb", [mi.find_orbit, mi.lyapunov])
 def test_states_below_the_steps_of_differences_are_reported(verb):
     given = {"transient": 60, "options": mi.Options(engine="interpreted")}

@@ -542,7 +542,8 @@ def write_samples(engine: Any, s: Any, limit: float, includes_limit: bool) -> No
             t = limit  # equal to the end of the run except for rounding
         if t > limit or (t == limit and not includes_limit):
             return
-        interface.interpolate(engine, max(t, s.arc_start), y)
+        # The step may end before a switch by rounding.
+        interface.interpolate(engine, min(max(t, s.arc_start), interface.time(engine)), y)
         write_sample(s, y)
 
 
