@@ -18,7 +18,7 @@ from pathlib import Path
 from validation.outside import tables
 from validation.outside.case import FAILED, Suite, verdict
 
-SUITES = ("arch", "assimulo", "bifurcationkit", "modelica", "petsc", "sbml", "sundials")
+SUITES = ("arch", "assimulo", "bifurcationkit", "modelica", "petsc", "sbml", "siconos", "sundials")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
