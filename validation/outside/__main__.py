@@ -18,7 +18,17 @@ from pathlib import Path
 from validation.outside import tables
 from validation.outside.case import FAILED, Suite, verdict
 
-SUITES = ("arch", "assimulo", "bifurcationkit", "modelica", "petsc", "sbml", "siconos", "sundials")
+SUITES = (
+    "arch",
+    "assimulo",
+    "bifurcationkit",
+    "modelica",
+    "petsc",
+    "sbml",
+    "sciml",
+    "siconos",
+    "sundials",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
