@@ -11,8 +11,6 @@ from mems_impact._util.files import file_path, opened
 from mems_impact.errors import InvalidFile, InvalidParameter
 from mems_impact.systems.base import HybridSystem
 
-__all__ = ["load"]
-
 REMEDY = (
     "give a saved result, the directory of a study, a TOML file with a table [parameters], "
     "[design], [drive] or [study], a waveform as CSV, or a system as FILE.py:NAME"

@@ -15,8 +15,6 @@ from typing import Any
 
 from mems_impact.errors import MemsImpactError
 
-__all__ = ["PICTURES", "register"]
-
 DPI = 120  # of a picture
 
 PICTURES = {

@@ -34,45 +34,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")  # a column, or the name of its type
 
-__all__ = [
-    "CHATTER_ENDS",
-    "DRIVE_SWITCHES",
-    "Labels",
-    "branch",
-    "captions",
-    "category_column",
-    "codimension_two",
-    "corners",
-    "curve",
-    "event_codes",
-    "event_names",
-    "events",
-    "handovers",
-    "impact_changes",
-    "impacts",
-    "is_shown",
-    "merged_columns",
-    "name_of",
-    "number_column",
-    "row_table",
-    "samples",
-    "section",
-    "segments",
-    "special_points",
-    "statistics",
-    "sweep",
-    "sweep_columns",
-    "sweep_summary",
-    "table",
-    "texts",
-    "time_columns",
-    "to_xarray",
-    "unit_of",
-    "verification",
-    "with_units",
-    "without_units",
-]
-
 # --- Headings, units, provenance, categories
 
 CHATTER_ENDS = "chatter ends"

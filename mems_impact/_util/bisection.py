@@ -8,8 +8,6 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 
-__all__ = ["bisect", "discontinuity"]
-
 BISECTIONS = 40
 MIN_JUMP = 1e-4  # least jump, relative to the change over the interval, or to 1 if that is larger
 

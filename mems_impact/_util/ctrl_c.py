@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-__all__ = ["deferring_ctrl_c"]
-
 
 @contextmanager
 def deferring_ctrl_c() -> Iterator[None]:

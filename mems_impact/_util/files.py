@@ -14,16 +14,6 @@ from typing import BinaryIO
 
 from mems_impact.errors import FileNotWritten, InvalidFile, InvalidParameter
 
-__all__ = [
-    "TEMPORARY_PREFIX",
-    "check_expansion",
-    "check_replaceable",
-    "file_path",
-    "opened",
-    "replacing",
-    "unwritable",
-]
-
 TEMPORARY_PREFIX = ".mems_impact-"  # of the folders of incomplete files
 
 # Errors due to an invalid path; others, such as a full disk, are not errors of input.

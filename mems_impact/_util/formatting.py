@@ -9,17 +9,6 @@ from os import PathLike
 from pathlib import PurePath
 from typing import Any
 
-__all__ = [
-    "class_name",
-    "escape",
-    "html_table",
-    "label",
-    "printable",
-    "shown",
-    "stability_name",
-    "stem",
-]
-
 # Longest value and name in a message, in characters.
 _LONGEST_VALUE = 60
 _LONGEST_NAME = 300

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["BOUND_RTOL", "UNLIMITED", "Bound", "Limits"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:

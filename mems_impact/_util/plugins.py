@@ -20,8 +20,6 @@ from mems_impact._util.formatting import shown
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import PluginWarning
 
-__all__ = ["COMMAND_GROUP", "DRIVE_GROUP", "SYSTEM_GROUP", "TERM_GROUP", "names", "plugin"]
-
 SYSTEM_GROUP = "mems_impact.systems"
 DRIVE_GROUP = "mems_impact.drives"
 TERM_GROUP = "mems_impact.terms"

@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-__all__ = ["Progress", "Report", "Watch", "parameter_progress", "progress_bar"]
-
 Progress = bool | Callable[[float], None]
 Watch = Callable[[float], None]
 """Called by a computation with its progress; an exception that it raises ends the computation."""

@@ -15,17 +15,6 @@ from typing import Any, NamedTuple
 from mems_impact._util.units import PREFIXED, SI_PREFIXES
 from mems_impact.errors import InvalidParameter
 
-__all__ = [
-    "QuantityError",
-    "base_powers",
-    "factors",
-    "has_unit",
-    "magnitude",
-    "percentage",
-    "quantities",
-    "quantity",
-]
-
 
 class QuantityError(ValueError):
     """A text that is not a quantity of the expected kind."""

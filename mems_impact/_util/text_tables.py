@@ -12,17 +12,6 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.quantities import base_powers
 from mems_impact.errors import InvalidFile
 
-__all__ = [
-    "EvenTimes",
-    "decoded",
-    "even_times",
-    "number_of",
-    "short_unit",
-    "with_headings",
-    "with_points",
-    "with_times",
-]
-
 BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 SEPARATORS = re.compile(r"\s*[;\t]\s*|\s+")  # beside decimal commas
 DECIMAL = re.compile(r"[\"']?[-+\N{MINUS SIGN}]?\d*(,\d+)?([eE][-+]?\d+)?[\"']?")

@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-__all__ = ["DIMENSIONLESS", "PREFIXED", "SI_PREFIXES", "Scales", "si_amount", "si_prefixed"]
-
 SI_PREFIXES = {
     -24: "y", -21: "z", -18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k",
     6: "M", 9: "G",

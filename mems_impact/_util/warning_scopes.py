@@ -13,15 +13,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = [
-    "CollectedWarning",
-    "at_study_point",
-    "collected_warnings",
-    "first_of_each",
-    "warn",
-    "warned_once",
-]
-
 # Files that are not the caller's.
 _OURS = (f"{Path(__file__).parents[1]}{os.sep}", contextlib.__file__, functools.__file__)
 _here = threading.local()

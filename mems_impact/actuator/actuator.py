@@ -17,8 +17,6 @@ from mems_impact.actuator.verilog_a import write_verilog_a
 from mems_impact.integrators.options import Options
 from mems_impact.systems.state import State
 
-__all__ = ["Actuator"]
-
 
 class Actuator(ActuatorParameters):
     """The electrostatic impact microactuator: a block in a frame that rests on the ground.

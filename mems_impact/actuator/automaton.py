@@ -19,15 +19,8 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.energy_accounting import SUMMED, accounts, sum_of
 from mems_impact.actuator.model import LimitedState, Model, compose, zero
 from mems_impact.actuator.terms.base import Function, TermKind
-from mems_impact.hybrid.automaton import Automaton, Guard
-from mems_impact.hybrid.definition import (
-    GENERATED,
-    Definition,
-    automaton_of,
-    ending,
-    function,
-    named_tuple,
-)
+from mems_impact.hybrid.automaton import GENERATED, Automaton, Guard
+from mems_impact.hybrid.definition import Definition, automaton_of, ending, function, named_tuple
 from mems_impact.systems.components.assembly import AssembledSystem, assemble
 from mems_impact.systems.components.base import Part
 from mems_impact.systems.components.friction import Friction

@@ -6,28 +6,21 @@ from collections.abc import Mapping
 from importlib.resources import files
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
 from mems_impact._util.files import file_path
 from mems_impact._util.formatting import stem
 from mems_impact._util.warning_scopes import warn
+from mems_impact.actuator.actuator import Actuator
 from mems_impact.actuator.geometry.geometry import Geometry
 from mems_impact.actuator.parameter_base import Checked, unknown
+from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.actuator.plausibility import check_plausible_device
 from mems_impact.actuator.terms.files import term_names, term_of
 from mems_impact.actuator.toml_files import parse_toml, read_bytes
 from mems_impact.errors import InvalidFile, InvalidParameter, UnitsWarning
-
-if TYPE_CHECKING:
-    pass
-
-
-from mems_impact.actuator.actuator import Actuator
-from mems_impact.actuator.parameters import PARAMETER_NAMES
-
-__all__ = ["actuator_in_file", "device_text", "load_actuator", "names_in_file", "preset_names"]
 
 _DEVICES = files("mems_impact.actuator") / "devices"
 MAX_DEVICE_FILE_BYTES = (

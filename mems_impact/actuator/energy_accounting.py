@@ -15,8 +15,6 @@ from mems_impact.actuator.equations import V1, V2, X2
 from mems_impact.actuator.model import Model, compose, voltage_independent
 from mems_impact.actuator.terms.base import Function, TermKind
 
-__all__ = ["SUMMED", "EnergyAccounts", "accounts", "sum_of"]
-
 SUMMED = ("electrodes", "slip", "friction", "damping")
 """Integrals of every device: work of the electrodes on the block, distance of slip of the frame,
 and losses by friction and by damping."""

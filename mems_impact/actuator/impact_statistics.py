@@ -20,22 +20,6 @@ from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events
 from mems_impact.systems.window_statistics import Moments
 
-__all__ = [
-    "BlowCounter",
-    "RestDetector",
-    "blow_of",
-    "contact_loss",
-    "contact_side",
-    "contact_time",
-    "contacts",
-    "each_blow",
-    "energy_lost",
-    "frame_steps",
-    "is_impact",
-    "is_release",
-    "is_slipping",
-]
-
 # --- Impacts and steps of the frame
 
 # By mode; further modes, in which a current is limited, repeat these.

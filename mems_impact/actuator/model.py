@@ -25,8 +25,6 @@ from mems_impact.actuator.terms.base import (
     TermKind,
 )
 
-__all__ = ["Model", "bounds_of", "compose", "layout"]
-
 HIDDEN = 2  # numbers between those of terms and drive (see `hidden_parameters`)
 
 

@@ -28,8 +28,6 @@ from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.units import Units
 
-__all__ = ["ActuatorNumerics"]
-
 NORMAL_SAMPLES = 33  # of the normal force between two switches of the drive
 
 
@@ -364,6 +362,7 @@ class ActuatorNumerics(HybridSystem, Generic[A]):
 
 
 def source_of(terms: Sequence[Term], drive: Drive) -> Drive:
+    """Return the drive as terms change it."""
     for term in terms:
         drive = term.source(drive)
     return drive

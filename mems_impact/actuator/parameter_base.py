@@ -46,21 +46,6 @@ from mems_impact._util.quantities import has_unit, quantity
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.errors import InvalidParameter
 
-__all__ = [
-    "Checked",
-    "Fraction",
-    "Given",
-    "NonNegative",
-    "Number",
-    "OptionalPositive",
-    "Positive",
-    "Unit",
-    "Varied",
-    "finite_numbers",
-    "limits_of",
-    "unknown",
-]
-
 SHOWN_ITEMS = 8  # of a tuple; a longer one, such as a column of a table, is represented by its ends
 TEXTS = "_texts"  # attribute that holds the values given with units
 ANGLES = ("", "rad")  # units of numbers that are the same in a dimensionless device

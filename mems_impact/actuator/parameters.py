@@ -21,16 +21,6 @@ from mems_impact.actuator.terms.files import term_with
 from mems_impact.actuator.units import PARAMETER_UNITS, DeviceScales, scaled_fields, unscaled_fields
 from mems_impact.errors import InvalidParameter
 
-__all__ = [
-    "PARAMETER_MEANINGS",
-    "PARAMETER_NAMES",
-    "ActuatorParameters",
-    "numbers_for",
-    "parameter_named",
-    "with_geometry",
-]
-
-
 TERMS_ALLOWED = "a tuple of terms, such as (Tilt(angle=0.05),)"
 
 

@@ -22,14 +22,6 @@ from mems_impact.actuator.terms.base import Term, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.errors import UnitsWarning, ValidityWarning
 
-__all__ = [
-    "check_plausible_device",
-    "check_plausible_drive",
-    "check_plausible_target",
-    "voltage_limits",
-]
-
-
 DEVICE_RANGES = {
     "m1": MASS,
     "m2": MASS,

@@ -69,8 +69,6 @@ from mems_impact.tables import unit_of
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["report"]
-
 OSCILLATIONS = {"transient": 1000.0, "periods": 200.0}
 """Lengths of transient and measurement, in free oscillations of the block."""
 MIN_PERIODS, MAX_PERIODS = 4, {"transient": 300, "periods": 60}

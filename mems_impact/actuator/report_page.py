@@ -23,21 +23,6 @@ from mems_impact.tables import unit_of
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "Block",
-    "DeviceReport",
-    "Listing",
-    "Picture",
-    "ReportSection",
-    "amount",
-    "duration",
-    "listing",
-    "percent",
-    "picture",
-    "table_listing",
-    "values",
-]
-
 # --- Contents of a section
 
 

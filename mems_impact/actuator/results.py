@@ -32,13 +32,6 @@ if TYPE_CHECKING:
 
     from mems_impact.actuator.drives.base import Drive
 
-__all__ = [
-    "ActuatorOrbit",
-    "ActuatorRun",
-    "BlowStatistics",
-    "impacts",
-]
-
 # --- Tables of actuators
 
 

@@ -13,15 +13,6 @@ from mems_impact._util.arrays import Floats
 from mems_impact.actuator.terms.base import Function
 from mems_impact.export.verilog_a import Array, Index, VerilogStatements, text_of
 
-__all__ = [
-    "COEFFICIENTS",
-    "MIN_POINTS",
-    "VERILOG_A",
-    "TableSpline",
-    "coefficients",
-    "spline_functions",
-]
-
 MIN_POINTS = 4
 COEFFICIENTS = 6  # of an interval
 BEYOND_RATIO = 0.125  # of the length of a table, over which it is continued by a cubic

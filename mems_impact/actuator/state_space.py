@@ -23,8 +23,6 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.state_space import StateSpace
 
-__all__ = ["ActuatorStateSpace", "kick_speeds", "kicked_state"]
-
 CONTACT_TOLERANCE_RATIO = 1e-9  # of delta: scaling may round a block on its stopper
 
 

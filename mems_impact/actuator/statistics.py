@@ -46,12 +46,6 @@ from mems_impact.systems.window_statistics import (
     where,
 )
 
-__all__ = [
-    "Accumulator",
-    "ActuatorStatistics",
-    "standstill_period",
-]
-
 # --- Statistics of attractors
 
 REDUCED: tuple[Literal["min", "mean", "max"], ...] = ("min", "mean", "max")

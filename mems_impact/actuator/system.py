@@ -50,8 +50,6 @@ from mems_impact.systems.checks import Checks
 from mems_impact.systems.observables import EventObserver, Observable
 from mems_impact.systems.state import State
 
-__all__ = ["ActuatorSystem"]
-
 # --- The system of an actuator under a drive
 
 AT_REST = State()

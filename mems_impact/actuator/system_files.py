@@ -21,8 +21,6 @@ from mems_impact.actuator.toml_files import CodeRequest, execute_code, resolve_c
 from mems_impact.errors import InvalidFile, InvalidParameter
 from mems_impact.systems.base import HybridSystem
 
-__all__ = ["is_system_name", "load_system", "study_in_file"]
-
 # --- Systems in Python code
 
 FORM = (

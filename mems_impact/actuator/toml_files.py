@@ -23,16 +23,6 @@ from mems_impact._util.text_tables import (
 )
 from mems_impact.errors import InvalidFile, InvalidParameter
 
-__all__ = [
-    "CodeRequest",
-    "execute_code",
-    "parse_toml",
-    "read_bytes",
-    "read_columns",
-    "resolve_code_path",
-    "scaled_once",
-]
-
 # --- Python code named by a file
 
 

@@ -16,16 +16,6 @@ from typing import Any, Self
 
 from mems_impact._util.units import Scales
 
-__all__ = [
-    "COLUMN_UNITS",
-    "KNOWN_UNITS",
-    "PARAMETER_UNITS",
-    "SCALES",
-    "DeviceScales",
-    "scaled_fields",
-    "unscaled_fields",
-]
-
 KNOWN_UNITS = ("kg", "N/m", "N s/m", "m", "F m", "m/s^2", "s", "V", "rad/s", "Hz", "m/s", "J", "N")
 """SI units of fields and columns, besides products of these and of `DERIVED_UNITS`, such as
 "N/m^3". A field without a unit is a pure number."""

@@ -29,8 +29,6 @@ from mems_impact.actuator.terms.regularized_friction import RegularizedFriction
 from mems_impact.errors import InvalidParameter
 from mems_impact.export.verilog_a import Array, VerilogStatements, text_of, tree_of
 
-__all__ = ["verilog_a", "write_verilog_a"]
-
 POSITION_ABSTOL_RATIO = 1e-6  # absolute tolerance of positions in gaps, and of forces in k d
 MAX_STEP = 0.1  # longest step in units of 1/w0
 

@@ -24,8 +24,6 @@ from mems_impact.orbits.equilibrium import (
     make_equilibrium,
 )
 
-__all__ = ["NONSMOOTH_FOLD", "PERSISTENCE", "BoundaryCrossing", "boundary_crossing"]
-
 PERSISTENCE, NONSMOOTH_FOLD = "persistence", "nonsmooth fold"
 MEETING_TOLERANCE = 1e-6  # of flow and margins at which a branch of another mode meets the point
 PROBE_DISTANCE = 1e-4  # from the point, relative to it, at which transitions change the mode

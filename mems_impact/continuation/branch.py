@@ -13,22 +13,6 @@ if TYPE_CHECKING:
     from mems_impact.continuation.homoclinic import SlowPassage
     from mems_impact.continuation.test_functions import TestFunction
 
-__all__ = [
-    "BranchEvent",
-    "BranchPoint",
-    "CurveEvent",
-    "EquilibriumBranch",
-    "EquilibriumCurve",
-    "EquilibriumEvent",
-    "EquilibriumPoint",
-    "OrbitBranch",
-    "OrbitCurve",
-    "OrbitEvent",
-    "OrbitPoint",
-    "SolutionBranch",
-    "SolutionCurve",
-]
-
 N = TypeVar("N", bound=PeriodicOrbit | EquilibriumState)
 
 

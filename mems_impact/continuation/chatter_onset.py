@@ -23,8 +23,6 @@ from mems_impact.orbits.newton import solve
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.signature import BOUNDARY, Segment, read_guess
 
-__all__ = ["ACROSS_START", "BEYOND_ONSET", "chatter_onset", "rests_after_chatter"]
-
 # Distances in the parameter at which the onset is bracketed.
 ONSET_DISTANCES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 BEYOND_ONSET = (

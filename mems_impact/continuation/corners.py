@@ -11,8 +11,6 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 
-__all__ = ["Corner", "corners"]
-
 DIFFERENCE_STEP = 1e-3  # of one-sided slopes, relative to the interval
 MIN_BEND = 1e-3  # least change of the slope at a corner, relative to the slope
 HALVINGS = 12  # of an interval, after which the bend of a smooth function is below a thousandth

@@ -37,8 +37,6 @@ from mems_impact.orbits.linear_equations import null_vector
 from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
-__all__ = ["BranchPointCurve", "CurveProblem", "follow"]
-
 MAX_CURVE_ITERATIONS = 10
 MAX_ZERO_RATIO = 1e-3  # largest ratio of a test function at a zero to its values at the step's ends
 UNFOLDS = "the branch point unfolds"

@@ -54,8 +54,6 @@ from mems_impact.orbits.equilibrium import (
     make_equilibrium,
 )
 
-__all__ = ["branch_event", "follow_equilibrium_curve"]
-
 END_RATIO = 1.0 - 1e-4  # part of a step to a loss at which test functions are evaluated
 
 

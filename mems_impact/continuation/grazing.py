@@ -47,8 +47,6 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment, read_signature
 
-__all__ = ["AFTER_FOLD", "CONTINUOUS", "JUMP", "contact_coefficients", "grazing_type"]
-
 # --- Normal form of the first impact
 
 TRIAL_SPEED = 1e-3  # of the trial impacts that determine the kick

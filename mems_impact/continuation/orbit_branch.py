@@ -93,8 +93,6 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, length_gradient
 from mems_impact.orbits.signature import BOUNDARY
 
-__all__ = ["follow"]
-
 # --- Other equations of the same orbits
 
 

@@ -49,8 +49,6 @@ from mems_impact.orbits.monodromy import multipliers_at
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
-__all__ = ["follow_curve"]
-
 COINCIDENT = 1e-7  # distance on the curve below which two losses count as one
 Tests = dict[TestFunction, float]
 MARGIN_TESTS = (ClosestApproachTest, ContactSpeedTest)

@@ -23,14 +23,6 @@ from mems_impact.orbits.newton import solve
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
-__all__ = [
-    "covered_period",
-    "equilibrium_on_branch",
-    "orbit_on_branch",
-    "same_orbit",
-    "up_to_cover",
-]
-
 SAME_SPECIAL_DISTANCE = 1e-3  # largest distance of the orbits of one special point
 NEAR_CHORD_RATIO = 2.0  # distance of an orbit from a step of a branch, in lengths of the step
 MIN_STEP_LENGTH = 1e-3  # least length of a step in this comparison

@@ -46,8 +46,6 @@ from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.orbits.signature import BOUNDARY
 
-__all__ = ["Discontinuity", "Tangency", "discontinuity", "is_discontinuity"]
-
 GRAZING_SLIDING, CROSSING_SLIDING, SWITCHING_SLIDING, ADDING_SLIDING = (
     "grazing-sliding",
     "crossing-sliding",

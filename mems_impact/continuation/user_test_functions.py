@@ -15,8 +15,6 @@ from mems_impact.errors import OrbitError
 from mems_impact.orbits.newton import P
 from mems_impact.orbits.shooting import ShootingEvaluation
 
-__all__ = ["FunctionTest", "FunctionZeros"]
-
 MAX_EVENT_RATIO = 1e-6  # largest ratio of the value at a zero to the values at the step's ends
 
 

@@ -9,8 +9,6 @@ from typing import Any, Generic, TypeVar
 
 from mems_impact._util.progress import Watch
 
-__all__ = ["LatestOnlyWorker"]
-
 Request = TypeVar("Request")
 
 

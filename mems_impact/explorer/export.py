@@ -24,8 +24,6 @@ from mems_impact.explorer.session import (
 from mems_impact.explorer.snapshot import FINE, run_length, sweep_arguments
 from mems_impact.systems.base import HybridSystem
 
-__all__ = ["device_file", "python_of", "run_picture"]
-
 PICTURE_DPI = 200
 LINE = 96
 

@@ -25,8 +25,6 @@ from mems_impact.explorer.session import Subject, slider_specs
 from mems_impact.explorer.snapshot import DiagramSnapshot
 from mems_impact.explorer.view.page import Page
 
-__all__ = ["serve"]
-
 HTTP_PORT = 80
 KEPT_DIAGRAMS = 8
 LOOPBACK = "127.0.0.1"

@@ -22,22 +22,6 @@ from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State
 
-__all__ = [
-    "MAX_LENGTH",
-    "MIN_LENGTH",
-    "PageSetting",
-    "SliderSpec",
-    "Subject",
-    "address_of",
-    "allowed_range",
-    "best_si_prefix",
-    "first_setting",
-    "setting_at",
-    "slider_specs",
-    "subject_of_code",
-    "subject_of_device",
-]
-
 # --- Display units
 
 ANGULAR, TURN = "rad/s", 2.0 * math.pi  # an angular frequency is shown in Hz

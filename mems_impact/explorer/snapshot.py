@@ -37,21 +37,6 @@ from mems_impact.plotting.trajectories import MIN_DRAWN_JUMP, interleaved
 from mems_impact.systems.base import HybridSystem
 from mems_impact.tables import is_shown
 
-__all__ = [
-    "COARSE",
-    "FINE",
-    "DiagramRequest",
-    "DiagramSnapshot",
-    "Floquet",
-    "Headline",
-    "RunSnapshot",
-    "diagram_of",
-    "floquet_of",
-    "sweep_arguments",
-    "take_snapshot",
-    "with_special_points",
-]
-
 # --- Bifurcation diagram: first coarse, then fine
 
 COARSE, FINE = 41, 161  # values of the parameter

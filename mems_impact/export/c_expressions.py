@@ -47,8 +47,6 @@ from mems_impact.export.c_kinds import (
 from mems_impact.export.function_text import source_of
 from mems_impact.integrators import library
 
-__all__ = ["CFunction", "Handler", "Iterable", "TranslatedFunctions"]
-
 Handler = Callable[["ExpressionWriter", Sequence[Expression]], Expression]
 
 
@@ -963,12 +961,14 @@ class ExpressionWriter:
 
 
 def has_array(kind: Any) -> bool:
+    """Return whether a value of this kind contains an array."""
     if isinstance(kind, Tuple):
         return any(map(has_array, kind.items))
     return isinstance(kind, Array)
 
 
 def is_number(value: Any) -> bool:
+    """Return whether a value is a number, logical values included."""
     return isinstance(value, bool | int | float | np.number | np.bool_ | IntEnum)
 
 

@@ -12,20 +12,6 @@ import numpy as np
 
 from mems_impact.export.c_kinds import BOOLEAN, INTEGER, REAL, Scalar
 
-__all__ = [
-    "BINARY",
-    "CASTS",
-    "CHECKED",
-    "COMPARISONS",
-    "INTEGER_FUNCTIONS",
-    "LARGEST_POWER",
-    "OF_TWO",
-    "REAL_FUNCTIONS",
-    "SIGNS",
-    "TESTS",
-    "UNARY",
-]
-
 # C functions of real arguments with a real result, by the Python functions that they replace.
 REAL_FUNCTIONS: dict[Any, str] = {
     getattr(math, name): name

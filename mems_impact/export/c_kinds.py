@@ -9,24 +9,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = [
-    "BOOLEAN",
-    "INTEGER",
-    "NOTHING",
-    "RANKS",
-    "REAL",
-    "Array",
-    "Expression",
-    "Fixed",
-    "Kind",
-    "Scalar",
-    "Structure",
-    "Tuple",
-    "constant",
-    "identifier",
-    "literal",
-]
-
 
 @dataclass(frozen=True)
 class Scalar:

@@ -43,8 +43,6 @@ from mems_impact.export.c_kinds import (
 )
 from mems_impact.export.function_text import arguments_of
 
-__all__ = ["CSource"]
-
 NESTING = 100  # most functions within each other
 
 

@@ -77,8 +77,6 @@ from mems_impact.integrators.dual_numbers import (
     with_rates,
 )
 
-__all__ = ["ENGINE", "LOOP", "ROOTS", "event_loop_source", "record_structure"]
-
 # --- Records
 
 POINTERS = ("table", "events", "samples")

@@ -35,8 +35,6 @@ from mems_impact.export.model_source import (
     model_header,
 )
 
-__all__ = ["VERSIONS", "find_compiler", "write_fmu"]
-
 VERSIONS = ("2.0", "3.0")
 TEMPLATES = ("arithmetic.h", "runtime.h")
 DATE = (1980, 1, 1, 0, 0, 0)  # of every file, so that equal models have equal bytes

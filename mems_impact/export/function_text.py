@@ -11,9 +11,7 @@ from types import CodeType, FunctionType
 from typing import Any, NoReturn
 
 from mems_impact.errors import FunctionError
-from mems_impact.hybrid.definition import GENERATED
-
-__all__ = ["SourceText", "arguments_of", "source_of"]
+from mems_impact.hybrid.automaton import GENERATED
 
 
 @dataclass(frozen=True)

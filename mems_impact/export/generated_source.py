@@ -18,8 +18,6 @@ from mems_impact.hybrid.definition import (
     scaled,
 )
 
-__all__ = ["automaton_with_source"]
-
 
 class AutomatonWriter(_CodeWriter):
     """Writes an automaton for export."""

@@ -11,8 +11,6 @@ from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
 
-__all__ = ["ExportedModel", "ExportedNumber"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedNumber:

@@ -18,8 +18,6 @@ from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD
 from mems_impact.integrators.dop853 import stepper
 
-__all__ = ["EVENT_VARIABLES", "TOKEN", "first_integer", "model_header"]
-
 EVENT_BUFFER_ROWS = 512  # and eight for each guard; transitions of one instant fit
 EVENT_VARIABLES = 4  # mode, and number, kind and guard of the latest event
 TOKEN = "@token@"

@@ -20,8 +20,6 @@ from typing import Any, NoReturn
 from mems_impact.errors import FunctionError
 from mems_impact.export.function_text import arguments_of, source_of
 
-__all__ = ["Array", "Index", "VerilogStatements", "text_of", "tree_of"]
-
 NAMES = {
     abs: "abs", min: "min", max: "max", math.log: "ln",
     **{getattr(math, name): name

@@ -6,15 +6,6 @@ import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
-__all__ = [
-    "PROJECTION_STEPS",
-    "all_pairs",
-    "elimination",
-    "projection_source",
-    "substitution",
-    "triangular",
-]
-
 PROJECTION_STEPS = 3  # iterations of Newton's method onto a curved surface
 CONSTRAINT_STEP = 1e-3  # of the gradient of a constraint that takes no numbers with tangents
 REDUNDANCY_RTOL = "1e-11"  # relative pivot below which an equation is redundant

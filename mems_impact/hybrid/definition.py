@@ -54,20 +54,6 @@ from mems_impact.hybrid.pickling import portable
 from mems_impact.hybrid.time_dependence import Argument, reads_time
 from mems_impact.integrators.dual_numbers import along, with_rate, with_rates
 
-__all__ = [
-    "GENERATED",
-    "RATE_STEP",
-    "Definition",
-    "Typical",
-    "automaton_of",
-    "ending",
-    "function",
-    "hidden_parameters",
-    "named_tuple",
-    "power_of_two",
-    "scaled",
-]
-
 # --- Source of an automaton from user functions
 
 RATE_STEP = 1e-3  # step of the differences for a rate, in periods

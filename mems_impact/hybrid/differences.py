@@ -6,8 +6,6 @@ from collections.abc import Callable
 
 from mems_impact._util.arrays import Floats
 
-__all__ = ["central_difference", "sixth_order_difference", "weight_of"]
-
 
 def weight_of(s: int) -> float:
     """Return the weight of the value at `s` steps in a central difference of sixth order."""

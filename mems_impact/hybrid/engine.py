@@ -22,8 +22,6 @@ from mems_impact.integrators.availability import engine_class, is_compiled
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.options import Options
 
-__all__ = ["Extension", "LoopMemory", "create_engine"]
-
 
 class Engine(Protocol):
     """Interface of an engine to Python; `integrators.interface` is that to the event loop."""

@@ -9,8 +9,6 @@ from functools import lru_cache
 from types import FunctionType
 from typing import Any
 
-__all__ = ["portable", "reference", "same_function"]
-
 CACHE_SIZE = 512  # size of the caches that preserve the identity of shared functions
 
 

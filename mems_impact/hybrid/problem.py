@@ -18,8 +18,6 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.availability import available_options
 from mems_impact.integrators.options import Options
 
-__all__ = ["Problem", "ProblemParameters", "Section", "check_times"]
-
 Section = tuple[int, float, int]  # component, level, direction of the crossing (0: both)
 
 

@@ -29,8 +29,6 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators import interface
 
-__all__ = ["missing_sliding_mode", "run"]
-
 # --- Results of a run
 
 

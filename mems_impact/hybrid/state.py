@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from mems_impact._util.arrays import Floats
 
-__all__ = ["HybridState"]
-
 
 @dataclass(frozen=True)
 class HybridState:

@@ -14,8 +14,6 @@ from typing import Any
 
 from mems_impact.hybrid.automaton import GENERATED
 
-__all__ = ["Argument", "reads_time", "time_error"]
-
 TIME_POSITION = 1  # of t among the arguments (mode, t, y, p)
 PASSING = ("binop", "inplace_binop", "unary", "cast", "phi")  # results that depend on time as well
 

@@ -11,8 +11,6 @@ from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import EngineFallbackWarning, EngineUnavailable
 from mems_impact.integrators.options import FOLDERS, Options
 
-__all__ = ["available_options", "engine_class", "is_compiled"]
-
 
 def engine_class(options: Options) -> Any:
     """Return the class of an engine, such as `CompiledCvode` in ``cvode/compiled.py``."""

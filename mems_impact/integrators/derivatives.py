@@ -19,8 +19,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["BINARY", "EXPRESSIONS", "PIECEWISE_CONSTANT", "UNARY", "digamma", "of_numpy"]
-
 UNARY: dict[Callable[..., Any], str] = {
     math.sin: "cos(v)",
     math.cos: "-sin(v)",

@@ -25,21 +25,6 @@ from mems_impact.integrators.derivatives import (
 )
 from mems_impact.integrators.substitution import Substitution
 
-__all__ = [
-    "FUNCTIONS",
-    "WEIGHTS",
-    "Dual",
-    "DualVector",
-    "after",
-    "along",
-    "by_differences",
-    "copy_for_tangents",
-    "derivatives",
-    "plain",
-    "with_rate",
-    "with_rates",
-]
-
 
 class Dual:
     """A number with tangents, `slope`: shape (w,), or of a dual value a dual number."""

@@ -20,8 +20,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["COLUMN_WEIGHT", "Equations", "SingleMethodEngine"]
-
 # --- Functions of an engine
 
 # Return values of `step`: the codes of CVODE. Negative is a failure (see FAILURES).

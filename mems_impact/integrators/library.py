@@ -15,8 +15,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["FUNCTIONS"]
-
 LARGEST_ROOT = 3037000499  # integer part of the root of the largest 64-bit integer
 SPLITTER = 134217729.0  # 2^27 + 1, which halves the digits of a number (Dekker)
 COMPENSATED = sys.version_info >= (3, 12)  # sums of real numbers

@@ -16,17 +16,6 @@ from numpy.typing import NDArray
 
 from mems_impact.integrators.interface import Equations, SingleMethodEngine
 
-__all__ = [
-    "FLOW",
-    "HEAD",
-    "MARGINS",
-    "NO_MODE",
-    "TRANSITION",
-    "Fault",
-    "apply_transition",
-    "recorded_fault",
-]
-
 # --- Faults
 
 FLOW, MARGINS, TRANSITION = 1, 2, 3

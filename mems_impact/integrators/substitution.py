@@ -12,8 +12,6 @@ import numpy as np
 
 from mems_impact.integrators import library
 
-__all__ = ["Substitution"]
-
 LIBRARIES = ("math", "numba", "numpy")  # modules whose functions written in Python stay
 SUBSTITUTED = (math, np)  # modules of the elementary functions
 

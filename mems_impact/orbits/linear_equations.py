@@ -12,8 +12,6 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 
-__all__ = ["Linearization", "SparseFactorization", "is_sparse", "null_vector", "solve_linear"]
-
 SPARSE_SIZE = 64  # least size of a matrix that is factorized sparsely
 # Least size of a matrix whose null vector is that of a bordered matrix: a singular value
 # decomposition then takes more than half of the time of a branch.

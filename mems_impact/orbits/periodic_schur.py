@@ -13,8 +13,6 @@ import numpy as np
 
 from mems_impact._util.arrays import Complexes, Floats
 
-__all__ = ["periodic_schur", "product_eigenvalues"]
-
 ROUNDING = 8.0 * float(np.finfo(float).eps)  # of an element, relative to its neighbours
 SWEEPS = 3  # of orthogonal iteration, which separates eigenvalues of different sizes
 MAX_ITERATIONS = 40  # of the QR algorithm for one eigenvalue

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-__all__ = ["Characteristic", "characteristic"]
-
 DIRECTION, STATUS = "direction", "status"
 
 

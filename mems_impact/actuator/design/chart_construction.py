@@ -50,11 +50,6 @@ from mems_impact.orbits.orbit_search import find_periodic_orbit
 from mems_impact.studies.engine.executors import stoppable_threads
 from mems_impact.systems.state import State, is_number, whole
 
-__all__ = [
-    "ChartBuilder",
-    "operating_chart",
-]
-
 CRISIS = "crisis"
 SLIPS = GUARDS[BREAK_AWAY].name
 FRICTION_EVENTS = (SLIPS, GUARDS[SLIP_END].name)
@@ -689,6 +684,7 @@ def _range(
 
 
 def progress_line(progress: bool | Callable[[str], None]) -> Callable[[str], None]:
+    """Return the function that shows a line of progress."""
     if callable(progress):
         return progress
     if not progress:

@@ -35,8 +35,6 @@ from mems_impact.tables import category_column, table
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Closing", "closing"]
-
 LENGTHS = (8.0, 64.0, 512.0)  # natural periods after the voltage is constant, until it settles
 FLIGHT_SAMPLES = 64  # of a bounce, for its height
 MIN_SAMPLED_HEIGHT = 4e-4  # relative to the travel: four times that of bounces that are parabolas

@@ -20,19 +20,18 @@ from mems_impact._util.quantities import quantity
 from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER, QUANTITIES
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.design.static_forces import StaticForces, clamp_force
-from mems_impact.actuator.geometry.base import PERMITTIVITY, Finding
+from mems_impact.actuator.geometry.base import Finding
 from mems_impact.actuator.geometry.geometry import Geometry
 from mems_impact.actuator.parameter_base import unknown
 from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.clamp import Clamp
+from mems_impact.actuator.terms.comb_drive import PERMITTIVITY
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.state import is_number
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["DataSheet", "actuator_from_design"]
 
 A = TypeVar("A", bound=ActuatorParameters)
 

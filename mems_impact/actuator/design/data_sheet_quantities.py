@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["OF_PARAMETER", "QUANTITIES", "Entry"]
-
 
 class Entry(NamedTuple):
     """A quantity of a data sheet."""

@@ -17,8 +17,6 @@ from mems_impact.tables import row_table
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["DutyCycle", "duty_cycle"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class DutyCycle(Result):

@@ -33,8 +33,6 @@ from mems_impact.systems.result import Result
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Energy", "WorkSums", "accounted_problem", "arcs_of_orbit", "arcs_of_run", "energy"]
-
 # --- Arcs of a run or an orbit
 
 

@@ -17,13 +17,6 @@ from mems_impact.actuator.terms.base import drive_unit
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import InvalidParameter
 
-__all__ = [
-    "contact_voltage",
-    "pull_in_charge",
-    "pull_in_voltage",
-    "resting_voltage",
-]
-
 HOLDING_FRICTION = 1e6  # coefficient of friction that holds the frame
 DYNAMIC_PERIODS = 30  # periods of the resonance in which the block strikes, or never does
 DYNAMIC_RTOL = 1e-9  # relative accuracy of a dynamic pull-in voltage found by simulation

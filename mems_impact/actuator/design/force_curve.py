@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-__all__ = ["ForceCurve", "force_curve", "stall_force"]
-
 LOAD = "frame_force.force"
 WALKS, BACK, STANDS, AWAY = "walks", "walks back", "stands", "runs away"
 FASTER = 1e3  # factor of the speed at which friction is checked for a frame that runs away

@@ -14,17 +14,6 @@ from mems_impact.tables import row_table
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "AMPLITUDE",
-    "OFF",
-    "ON",
-    "SLIP",
-    "STEADY_FROM",
-    "STEADY_TO",
-    "OperatingChart",
-    "Point",
-]
-
 AMPLITUDE = "amplitude"
 ON, OFF, SLIP = "on", "off", "slip"
 STEADY_FROM, STEADY_TO = "steady from", "steady to"

@@ -22,14 +22,6 @@ if TYPE_CHECKING:
     from mems_impact.analysis.orbit import Orbit
     from mems_impact.analysis.special_points import SpecialPoint
 
-__all__ = [
-    "STABILITY_LOSS_LABELS",
-    "PeriodOneWindow",
-    "end_of",
-    "lasts_until",
-    "period_one_window",
-]
-
 STABILITY_LOSS_LABELS = (
     "G",
     "CF",

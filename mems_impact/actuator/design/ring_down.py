@@ -34,8 +34,6 @@ from mems_impact.tables import table
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["RingDown", "ring_down"]
-
 PERIODS, MOST = 64, 131072  # half natural periods of the first run, and of the last
 DIRECT_HALF_PERIODS = (
     1024  # half natural periods for which a slowly decaying oscillation is simulated

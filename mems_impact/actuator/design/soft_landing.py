@@ -31,8 +31,6 @@ from mems_impact.systems.state import interval, whole
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["SoftLanding", "soft_landing"]
-
 PULL_IN_RATIO = 1.2  # of the default voltages to the pull-in voltage
 DEFAULT_WIDTHS = (0.02, 0.5)  # bounds in natural periods
 DEFAULT_PAUSES = (0.01, 0.5)

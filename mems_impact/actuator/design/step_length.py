@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-__all__ = ["step_length", "step_lengths"]
-
 
 def coasting(model: Model, y: Floats, voltages: tuple[float, float, float], p: Floats) -> float:
     """Return the distance that the frame slides to the right from a state under constant forces.

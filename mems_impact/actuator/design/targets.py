@@ -30,8 +30,6 @@ from mems_impact.tables import texts
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorRun as Run
 
-__all__ = ["OF_DEVICE", "OF_RUN", "Target"]
-
 # --- Measured quantities and their computed values
 
 

@@ -29,15 +29,6 @@ from mems_impact.errors import OrbitError
 from mems_impact.integrators.options import Options
 from mems_impact.systems.state import State
 
-__all__ = [
-    "IMPACT_OFFSET_RATIO",
-    "locate_crisis",
-    "onset",
-    "settled",
-    "steady",
-    "switching_off",
-]
-
 RAMP = 21  # number of amplitudes from the start of the search to the on-boundary
 TRIALS = 6  # states of the attractor from which the next amplitude is tried
 

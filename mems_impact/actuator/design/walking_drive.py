@@ -20,14 +20,6 @@ from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import OrbitError, RunError
 
-__all__ = [
-    "Walk",
-    "find_walk",
-    "first_drive",
-    "snap_drive",
-    "walking_drive",
-]
-
 RESONANT_RATIOS = (1.0, 1.05, 0.95, 1.1, 0.9)  # of forcing frequency and resonance
 SLOW_RATIOS = (0.4, 0.2, 0.1, 0.04)  # of forcing frequency and the resonance, or relaxation
 SLOW_FIRST = 4.0  # quality factor below which slow drives are tried before resonant ones

@@ -15,8 +15,6 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.state import is_number
 
-__all__ = ["WearLife", "WearRate", "life", "mean_normal_force"]
-
 MAX_FRICTION = 1.0  # static friction over weight, above which another force presses the frame
 
 

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Self
 from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["AperiodicDrive"]
-
 WAVEFORM_PERIODS = 2.0  # of the switching: length on which a drive without a duration is checked
 
 

@@ -22,8 +22,6 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import ProblemParameters
 from mems_impact.systems.state import is_number
 
-__all__ = ["CHANNELS", "Channel", "Drive", "Waveform"]
-
 GOLDEN_PHASE = 0.5 * (5.0**0.5 - 1.0)  # where no waveform of a few pieces is zero
 MIN_CHECKS, MAX_CHECKS = 16, 10_000  # of the sign of a voltage, between two switches
 

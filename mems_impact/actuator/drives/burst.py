@@ -20,8 +20,6 @@ from mems_impact.actuator.drives.timeline import (
 from mems_impact.actuator.parameter_base import Number, OptionalPositive, Unit
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Burst"]
-
 MAX_BURST_PERIODS = 10_000
 
 

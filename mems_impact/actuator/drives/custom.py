@@ -18,8 +18,6 @@ from mems_impact.actuator.parameter_base import Given, OptionalPositive, Positiv
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.pickling import portable, same_function
 
-__all__ = ["Custom"]
-
 WAVEFORM_KIND = "a plain Python function of t and q"
 VALUES_FORM = "a table of finite numbers by name"
 TIMES_KIND = "ascending times in (0, period]"

@@ -25,15 +25,6 @@ from mems_impact.actuator.toml_files import (
 )
 from mems_impact.errors import InvalidFile, InvalidParameter
 
-__all__ = [
-    "SAMPLE_SUFFIXES",
-    "drive_in_file",
-    "drive_in_table",
-    "drive_kinds",
-    "drive_of_kind",
-    "load_drive",
-]
-
 SAMPLE_SUFFIXES = (".csv", ".txt", ".dat", ".tsv")
 """Extensions of files with a measured waveform."""
 

@@ -12,8 +12,6 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameter_base import Number, Positive, Unit
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["VOLTAGES", "imported"]
-
 VOLTAGES = ("voltage", "left_voltage")
 """The inputs that replace a drive."""
 

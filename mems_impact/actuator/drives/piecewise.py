@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from mems_impact.actuator.drives.base import Drive
 
-__all__ = ["MIN_PIECE_PERIODS", "Piece", "PiecewiseDrive", "fold"]
-
 MIN_PIECE_PERIODS = 1e-14  # of a period: shorter parts have no duration
 
 PERIOD, COUNT, FIRST, WIDTH = 0, 1, 2, 5  # places in q; a piece is its start and 4 coefficients

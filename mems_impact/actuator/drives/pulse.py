@@ -13,8 +13,6 @@ from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, Piec
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Pulse", "pulse", "warn_of_constant_force"]
-
 
 class Pulse(PiecewiseDrive):
     """A pulse train: once per period it rises from `low` to `amplitude`, stays, and falls again.

@@ -19,8 +19,6 @@ from mems_impact.actuator.parameter_base import (
 )
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["PulseAndHold"]
-
 
 class PulseAndHold(AperiodicDrive):
     """A pulse that accelerates the block, a pause in which it coasts, and a voltage that holds it.

@@ -21,8 +21,6 @@ from mems_impact.actuator.parameter_base import Given, Number, Positive, Unit, f
 from mems_impact.actuator.toml_files import read_columns
 from mems_impact.errors import InvalidParameter, ValidityWarning
 
-__all__ = ["Sampled"]
-
 LONGEST_STEP = 1.0 / 16.0  # of a period: that of the integration
 MIN_SAMPLE_SPACING = 1e-9  # of the record: closer samples coincide
 BEND_RATIO = 0.25  # of the range of the voltage

@@ -14,8 +14,6 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
 from mems_impact.hybrid.problem import ProblemParameters
 
-__all__ = ["Sine"]
-
 
 def _sine_voltage(t: float, q: NDArray[np.float64]) -> float:
     return q[2] + q[0] * math.cos(q[1] * t + q[3])

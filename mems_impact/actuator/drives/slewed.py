@@ -23,8 +23,6 @@ from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.piecewise import COUNT, FIRST, PERIOD, fold, piece_at
 from mems_impact.actuator.parameter_base import Positive, Unit
 
-__all__ = ["SlewedDrive"]
-
 PIECE_NUMBERS = 4  # of a piece in q: start, whether it is a ramp, value at the start, rate
 POINTS_PER_TIME_SCALE = 256  # at which voltage and rate are compared with the ramp
 POINTS_PER_NUMBER = 2  # at least, per number of the waveform: a piece of a record has five

@@ -13,8 +13,6 @@ from mems_impact.actuator.drives.pulse import pulse, warn_of_constant_force
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Square"]
-
 
 class Square(PiecewiseDrive):
     """A square wave: `amplitude` for a fraction of the period, then `low`.

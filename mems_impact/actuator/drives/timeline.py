@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.piecewise import COUNT, FIRST, PERIOD, fold, piece_at
 
-__all__ = ["TimelineSegment", "array_of", "repeated", "retime", "with_offset"]
-
 NO_END = 1e300
 NO_VOLTAGE = -1.0  # as `last`: no voltage
 STRETCH_NUMBERS = 3  # numbers per segment, stored in q like the pieces of `piecewise`

@@ -10,8 +10,6 @@ from annotated_types import Ge, Lt
 from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, Unit
 
-__all__ = ["Trapezoid"]
-
 
 class Trapezoid(PiecewiseDrive):
     """A sine with straight flanks and flat crests, between bias + amplitude and bias - amplitude.

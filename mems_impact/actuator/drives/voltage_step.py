@@ -10,8 +10,6 @@ from mems_impact.actuator.drives.aperiodic import AperiodicDrive
 from mems_impact.actuator.drives.piecewise import Piece
 from mems_impact.actuator.parameter_base import NonNegative, OptionalPositive, Unit
 
-__all__ = ["VoltageStep"]
-
 
 class VoltageStep(AperiodicDrive):
     """A voltage that is switched on at t = 0 and stays.

@@ -19,8 +19,6 @@ from mems_impact.actuator.drives.timeline import (
 )
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Voltages"]
-
 MOST_PERIODS = 64
 EQUAL_PERIODS_RTOL = 1e-12
 

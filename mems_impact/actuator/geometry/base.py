@@ -15,8 +15,6 @@ from mems_impact.actuator.terms.comb_drive import PERMITTIVITY
 from mems_impact.actuator.terms.squeeze_film import rarefaction
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["PERMITTIVITY", "Beams", "DrawnPart", "Finding", "Process"]
-
 GUIDED_MASS = 13.0 / 35.0  # of a beam whose end is guided, relative to its mass
 
 

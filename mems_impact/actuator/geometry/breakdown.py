@@ -6,8 +6,6 @@ import math
 
 from mems_impact.actuator.geometry.base import Finding
 
-__all__ = ["breakdown", "breakdown_voltage"]
-
 PLATEAU = 330.0  # V, the minimum of Paschen's curve in air
 FIELD_EMISSION_GAP = 4e-6  # m, below which field emission starts the breakdown
 PRESSURE = 760.0  # Torr

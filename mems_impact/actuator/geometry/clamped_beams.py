@@ -6,8 +6,6 @@ from typing import Literal
 
 from mems_impact.actuator.geometry.base import GUIDED_MASS, Beams, Finding, Process
 
-__all__ = ["ClampedBeams"]
-
 
 class ClampedBeams(Beams):
     """Straight beams between anchors and block, which stretch as they bend.

@@ -13,8 +13,6 @@ from mems_impact.actuator.parameter_base import Positive, Unit
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.comb_drive import CombDrive
 
-__all__ = ["CombFingers"]
-
 EDGES = "fringe ((r+1) ln(r+1) - (r-1) ln(r-1))/pi, r = 1 + w/g"
 
 

@@ -7,8 +7,6 @@ from typing import Annotated
 from mems_impact.actuator.geometry.base import GUIDED_MASS, Beams, Finding, Process, Section
 from mems_impact.actuator.parameter_base import Positive, Unit
 
-__all__ = ["CrabLegs"]
-
 
 class CrabLegs(Beams):
     """Crab legs: a thigh across the motion, and a shin along the motion to the anchor.

@@ -11,8 +11,6 @@ from mems_impact.actuator.geometry.base import DrawnPart, Finding, Process
 from mems_impact.actuator.parameter_base import Positive, Unit
 from mems_impact.actuator.terms.base import Term
 
-__all__ = ["Fingers", "line_capacitance"]
-
 
 class Fingers(DrawnPart):
     """Base of electrodes with fingers."""

@@ -7,8 +7,6 @@ from typing import Annotated
 from mems_impact.actuator.geometry.base import Beams, Finding, Process
 from mems_impact.actuator.parameter_base import NonNegative, Unit
 
-__all__ = ["FoldedBeams"]
-
 
 class FoldedBeams(Beams):
     """Folded beams: pairs of equal beams in series, joined by rigid trusses.

@@ -21,8 +21,6 @@ from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.squeeze_film import SqueezeFilm
 from mems_impact.actuator.terms.tabulated_capacitance import TabulatedCapacitance
 
-__all__ = ["GapClosingFingers"]
-
 POINTS = 41  # of the table of the capacitance
 FLAT = 1e-5  # relative slope of the table per point where the back gap would pull more
 BENT = 0.1  # deflection of a tip relative to the gap, above which a finger is not rigid

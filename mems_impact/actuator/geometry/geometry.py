@@ -22,8 +22,6 @@ from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Geometry"]
-
 PREFIX = "geometry."
 PARTS: dict[str, type[DrawnPart]] = {
     each.kind(): each

@@ -12,8 +12,6 @@ from mems_impact.actuator.geometry.squeezed_films import RectangularFilm, film_b
 from mems_impact.actuator.parameter_base import NonNegative, Positive, Unit
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Plate"]
-
 
 class Plate(DrawnPart):
     """Rectangular plates of the block, with rectangular etch holes.

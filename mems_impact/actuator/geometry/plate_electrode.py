@@ -11,8 +11,6 @@ from mems_impact.actuator.geometry.breakdown import breakdown
 from mems_impact.actuator.parameter_base import OptionalPositive, Positive, Unit
 from mems_impact.actuator.terms.base import Term
 
-__all__ = ["PlateElectrode"]
-
 
 class PlateElectrode(DrawnPart):
     """An electrode on the substrate, which pulls the block out of the plane of the layer.

@@ -11,8 +11,6 @@ import numpy as np
 from mems_impact.actuator.geometry.base import Process
 from mems_impact.actuator.terms.squeeze_film import SqueezeFilm
 
-__all__ = ["RectangularFilm", "film_below", "rectangle_damping", "squeeze_film"]
-
 MODES = 2000  # of the pressure across a film
 SQUARE_HOLE = 0.547  # radius of a pipe with the flow of a square one, by its side
 END_LENGTH = 3.0 * math.pi / 8.0  # that the ends add to a pipe, by its radius

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorRun
 
 
-__all__ = ["device_scene"]
-
-
 # Sizes in gaps d. Horizontally delta, d and x2 are to scale; other sizes are arbitrary.
 BLOCK_HALF_WIDTH = 1.0  # half width of the block
 FRAME_THICKNESS = 0.3  # thickness of the frame

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.characteristic import Characteristic
 
 
-__all__ = ["plot_characteristic"]
-
 FILLS: dict[str, Any] = {"up": "full", "down": "none"}
 WORDS = {
     "displacement per blow": "step per blow",

@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.operating_chart import OperatingChart
 
 
-__all__ = ["plot_chart"]
-
-
 SHADES = {"I": "0.95", "II": "0.87", "III": "1.0"}
 MEANINGS = {
     "I": "I: on by a jump, off at a lower voltage",

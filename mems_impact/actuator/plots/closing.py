@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.soft_landing import SoftLanding
 
 
-__all__ = ["plot_closing"]
-
-
 CLOSING_POINTS = 2000  # of the curve of the block
 CLOSING_MARGIN = 1.3  # length of the figure relative to the settling time
 

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.system import ActuatorSystem
 
 
-__all__ = ["forcing_period_of", "plot_drive"]
-
-
 SAMPLES_PER_WAVEFORM = 2000
 MIN_SAMPLES_BETWEEN_SWITCHES = 16
 

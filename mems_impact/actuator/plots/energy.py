@@ -11,9 +11,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.energy import Energy
 
 
-__all__ = ["NEGLIGIBLE_SHARE", "plot_energy"]
-
-
 ENERGY_COLORS = {"in": "voltage", "load": "frame"}
 ENERGY_HATCHES = {"lost": "////", "load": "....", "stored": ""}
 ENERGY_WORDS = {

@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.force_curve import ForceCurve
 
 
-__all__ = ["plot_force_curve"]
-
-
 AWAY = "runs away"
 LOAD_LINES = {
     "sliding_force": ("every slip ends", (0, (4, 3))),

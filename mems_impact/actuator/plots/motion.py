@@ -38,9 +38,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 
 
-__all__ = ["NODES", "draw_voltages", "plot_orbit", "plot_run"]
-
-
 @styled
 def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Axes:
     """Draw v2 over x2 along a periodic orbit, with stoppers, impacts and slips."""

@@ -10,8 +10,6 @@ from mems_impact.actuator.parameter_base import NonNegative, Unit
 from mems_impact.actuator.plausible_ranges import FORCE
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
-__all__ = ["Adhesion"]
-
 
 class Adhesion(Term):
     """Adhesion between a stopper and the block at rest on it.

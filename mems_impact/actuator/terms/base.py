@@ -39,23 +39,6 @@ from mems_impact.systems.observables import EventObserver
 if TYPE_CHECKING:
     from mems_impact.actuator.drives.base import Drive
 
-__all__ = [
-    "Device",
-    "Electrode",
-    "Function",
-    "ParameterIndices",
-    "RateBound",
-    "Term",
-    "TermContribution",
-    "TermKind",
-    "Validity",
-    "ValidityLimit",
-    "drive_unit",
-    "field_energy",
-    "is_compliant",
-    "reach_function",
-]
-
 # --- Interface of terms
 
 Function = Callable[..., float]

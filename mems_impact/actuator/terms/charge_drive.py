@@ -17,8 +17,6 @@ from mems_impact.actuator.terms.base import (
 )
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["ChargeDrive"]
-
 
 class ChargeDrive(Term):
     """A source that sets the charge of each electrode instead of its voltage.

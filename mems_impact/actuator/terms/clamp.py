@@ -8,8 +8,6 @@ from mems_impact.actuator.parameter_base import NonNegative, Unit
 from mems_impact.actuator.plausible_ranges import CLAMP
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
-__all__ = ["Clamp"]
-
 
 class Clamp(Term):
     """A constant force that presses the frame on the ground, such as that of a spring or a magnet.

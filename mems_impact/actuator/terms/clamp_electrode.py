@@ -18,8 +18,6 @@ from mems_impact.actuator.terms.base import (
 from mems_impact.actuator.terms.comb_drive import PERMITTIVITY, check_permittivity
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["ClampElectrode"]
-
 
 class ClampElectrode(Term):
     """An electrode below the frame, which its voltage presses on the ground.

@@ -17,8 +17,6 @@ from mems_impact.actuator.terms.base import (
 )
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["CombDrive"]
-
 PERMITTIVITY = 8.8541878188e-12  # of vacuum [F/m], CODATA 2022
 MIN_OVERLAP_RATIO = 1e-6  # of the overlap at x2 = 0
 

@@ -13,8 +13,6 @@ from mems_impact.actuator.parameter_base import NonNegative, Number, Positive, U
 from mems_impact.actuator.plausible_ranges import PER_SPEED, Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
-__all__ = ["CompliantStopper"]
-
 
 class CompliantStopper(Term):
     """Compliant stoppers in place of impacts, with contacts of finite duration and depth.

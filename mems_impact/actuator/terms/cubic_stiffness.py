@@ -9,8 +9,6 @@ from mems_impact.actuator.parameter_base import Number, Unit
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
-__all__ = ["CubicStiffness"]
-
 
 class CubicStiffness(Term):
     """A spring between block and frame with the force -k x2 - k3 x2^3.

@@ -10,8 +10,6 @@ from mems_impact.actuator.parameter_base import Number, Positive, Unit
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import Electrode, Function, ParameterIndices, Shape, Term
 
-__all__ = ["DielectricCharging"]
-
 
 class DielectricCharging(Term):
     """Dielectric charging, which shifts the effective voltage of the electrodes.

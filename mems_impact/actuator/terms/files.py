@@ -12,8 +12,6 @@ from mems_impact.actuator.terms import TERM_CLASSES
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["table_of", "term_names", "term_of", "term_type", "term_with"]
-
 
 def term_names() -> tuple[str, ...]:
     """Return the names of terms, plugins last."""

@@ -9,8 +9,6 @@ from mems_impact.actuator.parameter_base import Number, Unit
 from mems_impact.actuator.plausible_ranges import FORCE
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
-__all__ = ["FrameForce"]
-
 
 class FrameForce(Term):
     """A constant force on the frame, against motion to the right.

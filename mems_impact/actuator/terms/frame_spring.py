@@ -9,8 +9,6 @@ from mems_impact.actuator.parameter_base import NonNegative, Unit
 from mems_impact.actuator.plausible_ranges import STIFFNESS
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
-__all__ = ["FrameSpring"]
-
 
 class FrameSpring(Term):
     """A spring between frame and ground, without force at x1 = 0.

@@ -11,8 +11,6 @@ from mems_impact.actuator.parameter_base import OptionalPositive, Positive, Unit
 from mems_impact.actuator.plausible_ranges import ELECTRODE_LENGTH
 from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape, Term
 
-__all__ = ["Fringing"]
-
 
 class Fringing(Term):
     """Electrodes with fringing fields at their edges.

@@ -9,8 +9,6 @@ from mems_impact.actuator.parameter_base import NonNegative, Positive, Unit
 from mems_impact.actuator.plausible_ranges import SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
-__all__ = ["PowerLawRestitution"]
-
 
 class PowerLawRestitution(Term):
     """Coefficient of restitution that decreases with the impact speed, by plastic deformation.

@@ -14,8 +14,6 @@ from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermC
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 
-__all__ = ["RegularizedFriction"]
-
 WIDTH_TOLERANCES = (
     1e3  # absolute tolerances in a width: loads of a thousandth of friction still have a sign
 )

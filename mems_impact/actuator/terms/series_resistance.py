@@ -21,8 +21,6 @@ from mems_impact.actuator.terms.base import (
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 
-__all__ = ["SeriesResistance"]
-
 # With a current limit, a time constant of 2 sqrt(rtol) of the motion gives the accuracy of rtol.
 RESOLVED_TIME = 5.0
 RESOLVED_CHARGE = 10.0  # charge of a current limit in a time constant, in absolute tolerances

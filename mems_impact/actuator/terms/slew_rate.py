@@ -11,8 +11,6 @@ from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["SlewRate"]
-
 
 class SlewRate(Term):
     """A limit of the rate at which the voltage of the source changes.

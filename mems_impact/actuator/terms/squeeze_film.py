@@ -24,8 +24,6 @@ from mems_impact.actuator.terms.base import (
 )
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["SqueezeFilm"]
-
 MOST_MODES = 4
 MAX_PRESSURE_RATIO = 0.2  # relative excess of the mean pressure up to which the flow is linear
 MAX_KNUDSEN = 880.0  # Knudsen number up to which the fit of the effective viscosity is valid

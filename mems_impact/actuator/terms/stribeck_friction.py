@@ -10,8 +10,6 @@ from mems_impact.actuator.parameter_base import NonNegative, Positive, Unit
 from mems_impact.actuator.plausible_ranges import PER_SPEED, SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
-__all__ = ["StribeckFriction"]
-
 
 class StribeckFriction(Term):
     """Speed-dependent friction of the frame, with sticking as under Coulomb friction.

@@ -31,8 +31,6 @@ from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term
 from mems_impact.actuator.toml_files import read_columns, scaled_once
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["TableNumbers", "TableTerm"]
-
 LIST = f"a list of {MIN_POINTS} or more finite numbers"
 MIN_SPACING_RATIO = 1e-9  # of the range of the positions: closer ones coincide
 

@@ -14,8 +14,6 @@ from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape
 from mems_impact.actuator.terms.table import TableNumbers, TableTerm
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["TabulatedCapacitance"]
-
 
 class TabulatedCapacitance(TableTerm):
     """Electrodes with a capacitance from a table, in place of parallel plates.

@@ -12,8 +12,6 @@ from mems_impact.actuator.plausible_ranges import SPEED
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["TabulatedRestitution"]
-
 TABLE = "a tuple of two numbers or more"
 
 

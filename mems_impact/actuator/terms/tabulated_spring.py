@@ -12,8 +12,6 @@ from mems_impact.actuator.plausible_ranges import FORCE
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, TermContribution
 from mems_impact.actuator.terms.table import TableNumbers, TableTerm
 
-__all__ = ["TabulatedSpring"]
-
 STIFFNESS_RTOL = 0.01  # difference of k from the stiffness of the table at x2 = 0
 
 

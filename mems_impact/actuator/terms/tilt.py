@@ -13,8 +13,6 @@ from mems_impact.actuator.parameter_base import Number, Unit
 from mems_impact.actuator.plausible_ranges import Range
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
-__all__ = ["Tilt"]
-
 MAX_ANGLE = 0.5 * math.pi
 
 

@@ -16,8 +16,6 @@ from mems_impact.actuator.terms.base import (
     Term,
 )
 
-__all__ = ["TiltedPlate"]
-
 FREE_SHARE = 0.25  # of the room between stopper and contact of an edge, where the force is frozen
 YIELDING_SHARE = 1.0 / 3.0  # largest wedge with compliant stoppers, of the gap at the stopper
 SERIES_RATIO = 1e-4  # of wedge and gap, below which the series of the capacitance is exact

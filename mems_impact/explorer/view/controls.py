@@ -29,8 +29,6 @@ from mems_impact.explorer.session import (
     plane_axes,
 )
 
-__all__ = ["Controls"]
-
 STRETCH_WIDTH = "stretch_width"
 LENGTHS = 10.0  # least and step of the slider of the length
 MAX_PERIODS = 300.0

@@ -55,8 +55,6 @@ from mems_impact.explorer.view.panels import (
     TimeSeriesPanel,
 )
 
-__all__ = ["Page"]
-
 FIRST_STATUS = "computing; a new system is compiled first, about 7 s, once"
 STALE_RUN_SECONDS = 0.5  # s for which an outdated run continues
 ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s without changes before the computation

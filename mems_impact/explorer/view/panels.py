@@ -34,18 +34,6 @@ from mems_impact.explorer.snapshot import (
 from mems_impact.plotting.style import color, wearing
 from mems_impact.systems.base import HybridSystem
 
-__all__ = [
-    "AnimationPanels",
-    "BifurcationPanel",
-    "CyclesPanel",
-    "DevicePanel",
-    "HeadlinePanel",
-    "MultiplierPanel",
-    "Panel",
-    "PortraitPanel",
-    "TimeSeriesPanel",
-]
-
 # --- Common to panels: figure, colours, units
 
 with wearing():  # colours as in figures

@@ -27,19 +27,13 @@ from mems_impact.hybrid.attractors.recurrence import (
     RESULTS,
     RETURNS,
 )
-from mems_impact.hybrid.definition import GENERATED, Typical, function, indented, named_tuple
+from mems_impact.hybrid.automaton import GENERATED
+from mems_impact.hybrid.definition import Typical, function, indented, named_tuple
 from mems_impact.hybrid.engine import LoopMemory, create_engine
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD
 from mems_impact.hybrid.problem import Problem, ProblemParameters
 from mems_impact.hybrid.state import HybridState
-
-__all__ = [
-    "AttractorMapper",
-    "CompiledObservables",
-    "RecurrenceColumns",
-    "observed",
-]
 
 # --- Observables
 

@@ -23,15 +23,6 @@ from mems_impact.hybrid.diagnostics.user_functions import (
 )
 from mems_impact.integrators.python_functions import FLOW, MARGINS, TRANSITION, Fault
 
-__all__ = [
-    "AT_TIMES",
-    "definition_of",
-    "depends_on_time_only",
-    "explain_compile_error",
-    "explain_fault",
-    "find_invalid_value",
-]
-
 # --- Margins that depend on time alone
 
 AT_TIMES = (

@@ -20,21 +20,9 @@ from typing import Any, NamedTuple
 
 from mems_impact._util.formatting import printable, shown
 from mems_impact.errors import FunctionError
-from mems_impact.hybrid.definition import GENERATED, Definition, named_tuple, writes_into_arrays
+from mems_impact.hybrid.automaton import GENERATED
+from mems_impact.hybrid.definition import Definition, named_tuple, writes_into_arrays
 from mems_impact.hybrid.event_loop.workspace import ENDS, NO_FIT
-
-__all__ = [
-    "CheckedFunctions",
-    "CheckedVector",
-    "DomainError",
-    "EvaluationPoint",
-    "UserFunction",
-    "describe_value",
-    "innermost_user_line",
-    "is_own",
-    "place_of",
-    "rounding_size",
-]
 
 # --- Arrays with checked access
 

@@ -27,8 +27,6 @@ from mems_impact.hybrid.event_loop.workspace import (
 )
 from mems_impact.integrators import interface
 
-__all__ = ["is_long", "is_resolved", "lengthen_steps", "resolution"]
-
 # The longest step is this part of a period (or time scale), so that no step contains two extrema of
 # a margin. At useful tolerances steps are several times shorter.
 STEPS_PER_PERIOD = 16.0

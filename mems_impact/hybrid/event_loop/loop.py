@@ -101,8 +101,6 @@ from mems_impact.hybrid.event_loop.workspace import (
 )
 from mems_impact.integrators import interface
 
-__all__ = ["run_steps"]
-
 REBASE_PERIODS = 16.0  # longest arc, which preserves the accuracy of t
 SWITCH_RTOL = 1e-14  # part of the period within which an instant is that of a switch
 # A step collapses if it is shorter than recent steps by the first factor; the recent length decays

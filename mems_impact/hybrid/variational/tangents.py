@@ -20,19 +20,6 @@ from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.differences import weight_of
 from mems_impact.integrators.dual_numbers import DualVector, copy_for_tangents
 
-__all__ = [
-    "STEP",
-    "Sizes",
-    "differences_reason",
-    "differentiated",
-    "event_sizes",
-    "flow_jacobian",
-    "jacobian_memory",
-    "note_refusal",
-    "width_for",
-    "with_code",
-]
-
 WIDTHS = (1, 2, 4)  # tangents of a call; more than four directions take several calls
 STEP = 1e-3  # of differences, along a direction of length one
 

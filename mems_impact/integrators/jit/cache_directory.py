@@ -6,8 +6,6 @@ import os
 from functools import cache
 from pathlib import Path
 
-__all__ = ["cache_directory"]
-
 
 @cache
 def cache_directory() -> Path | None:

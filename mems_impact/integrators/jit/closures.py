@@ -38,8 +38,6 @@ from mems_impact.integrators.jit import (
 )
 from mems_impact.integrators.jit.numba_support import CHECKED, COPIES, INNER, JIT, as_reals
 
-__all__ = ["try_compile"]
-
 # --- Snapshots
 
 # numba has its own implementations for these, and their constants do not change.

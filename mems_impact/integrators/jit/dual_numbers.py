@@ -43,8 +43,6 @@ from mems_impact.integrators.jit.integer_arithmetic import OF_REALS, end_where_u
 from mems_impact.integrators.jit.lanes import LANES
 from mems_impact.integrators.jit.numba_support import FOR_C, INNER, VECTOR, WORD, data, view
 
-__all__ = ["dual", "split_at", "vector", "vector_at"]
-
 DOUBLE, INTEGER = ir.DoubleType(), ir.IntType(64)
 NUMBER = (types.Float, types.Integer, types.Boolean)
 _OPTIONS: dict[str, Any] = {"jit_options": {**FOR_C, **INNER}, "strict": False}

@@ -43,8 +43,6 @@ from numba.extending import (
 
 from mems_impact.integrators.jit.numba_support import CHECKED, COPIES, FOR_C, INNER
 
-__all__ = ["OF_REALS", "TOO_LARGE", "power"]
-
 TOO_LARGE = "an integer exceeds the 64 bits of compiled integers"
 INEXACT = "an integer beyond 2**53 is compared with, or converted to, a real number"
 BITS = 63  # of the size of a compiled integer

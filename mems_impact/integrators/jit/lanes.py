@@ -20,8 +20,6 @@ from numba.extending import intrinsic, models, register_model
 
 from mems_impact.integrators.jit.numba_support import WORD
 
-__all__ = ["LANES", "LANE_BITS", "Lanes", "strided_at"]
-
 LANE_BITS = 2
 LANES = 1 << LANE_BITS  # numbers of a vector
 DOUBLE, INTEGER = ir.DoubleType(), ir.IntType(64)

@@ -30,21 +30,6 @@ from numba.core.registry import cpu_target
 from mems_impact._util.files import replacing
 from mems_impact.integrators.jit.cache_directory import cache_directory
 
-__all__ = [
-    "DIRECTORY",
-    "cache_file",
-    "instruction_sets",
-    "is_installed",
-    "is_recording",
-    "prune",
-    "read",
-    "record",
-    "recorded_file",
-    "shipped_files",
-    "touch",
-    "write",
-]
-
 DIRECTORY = Path(__file__).with_name("precompiled")
 CACHE_SIZE = 256e6  # bytes, some 7,000 functions
 SUFFIX, DIGEST = ".code", hashlib.sha256

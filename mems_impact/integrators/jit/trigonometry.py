@@ -25,8 +25,6 @@ from numba.extending import intrinsic, overload
 from mems_impact.integrators.jit.integer_arithmetic import OF_REALS
 from mems_impact.integrators.jit.numba_support import FOR_C, INNER
 
-__all__ = ["SUBSTITUTES", "cos", "sin"]
-
 LARGEST_ARGUMENT = 1e9  # rad, up to which three parts of pi/2 suffice
 
 HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
@@ -81,6 +79,7 @@ class Reduction:
         self.square = builder.fmul(self.angle, self.angle)
 
     def fma(self, a: Any, b: Any, c: Any) -> Any:
+        """Return a b + c, rounded once."""
         return self._builder.call(self._fma, [a, b, c])
 
     def polynomial(self, c: tuple[float, ...], fourth: Any) -> Any:

@@ -25,15 +25,9 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.automaton import Guard, Impact
+from mems_impact.hybrid.automaton import GENERATED, Guard, Impact
 from mems_impact.hybrid.constraints import PROJECTION_STEPS, elimination
-from mems_impact.hybrid.definition import (
-    GENERATED,
-    function,
-    indented,
-    named_tuple,
-    writes_into_arrays,
-)
+from mems_impact.hybrid.definition import function, indented, named_tuple, writes_into_arrays
 from mems_impact.hybrid.event_loop.workspace import NO_FIT
 from mems_impact.hybrid.time_dependence import time_error
 from mems_impact.integrators.dual_numbers import along, with_rate
