@@ -257,7 +257,8 @@ class _CodeWriter:
                 self.timed.append(i)
             now = "now" if time == "t" else f"with_rate({time}, 1.0)"
             call = f"along(margin_{i}, p[{self.count}], mode, {now}, moving, q)"
-            lines += in_modes(guard.modes, [f"g[{i}], r[{i}] = {call}"])
+            watched = in_modes(guard.modes, len(self.definition.modes))
+            lines += [f"if {watched}:", f"    g[{i}], r[{i}] = {call}"]
         return function("margins(mode, t, y, p, g, r)", lines)
 
     def motion(self) -> list[str]:
@@ -351,17 +352,24 @@ def named_tuple(kind: str, names: tuple[str, ...]) -> Any:
         raise InvalidParameter(field, list(names), f"names that Python takes ({error})") from None
 
 
-def in_modes(modes: tuple[int, ...] | None, lines: list[str]) -> list[str]:
-    """Return lines that are executed in the given modes only."""
-    if modes is None:
-        return lines
-    firsts = sorted(int(mode) for mode in {*modes} if mode - 1 not in modes)
-    lasts = sorted(int(mode) for mode in {*modes} if mode + 1 not in modes)
-    runs = (
-        f"{a} <= mode <= {b}" if a < b else f"mode == {a}"
-        for a, b in zip(firsts, lasts, strict=True)
+def in_modes(modes: tuple[int, ...] | None, count: int) -> str:
+    """Return the condition that the mode is one of some, out of `count`.
+
+    The modes of one of many parts repeat with a period.
+    """
+    chosen = set(range(count) if modes is None else modes)
+    divisors = (n for n in range(1, count + 1) if count % n == 0)
+    period = next(
+        n for n in divisors if all((k in chosen) == (k % n in chosen) for k in range(count))
     )
-    return [f"if {' or '.join(runs)}:", *indented(lines)]
+    if period == 1:
+        return "True"
+    chosen &= set(range(period))
+    firsts = sorted(int(mode) for mode in chosen if mode - 1 not in chosen)
+    lasts = sorted(int(mode) for mode in chosen if mode + 1 not in chosen)
+    mode = "mode" if period == count else f"mode % {period}"
+    runs = zip(firsts, lasts, strict=True)
+    return " or ".join(f"{a} <= {mode} <= {b}" if a < b else f"{mode} == {a}" for a, b in runs)
 
 
 def indented(lines: Sequence[str]) -> list[str]:

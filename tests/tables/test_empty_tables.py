@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 import mems_impact as mi
-from mems_impact.actuator import results
+from mems_impact.tables import row_table
 
 PLAIN = mi.Options(method="dop853", engine="interpreted")
 FAST = mi.Options(method="dop853")
@@ -106,15 +106,8 @@ def test_a_study_interrupted_before_its_first_point(monkeypatch):
     check(caught.value.partial, full.points)
 
 
-@pytest.mark.parametrize(
-    ("table", "row"),
-    [
-        (results.chart, {"boundary": "on", "values": (0.5, 0.2), "type": "I", "kind": "fold"}),
-        (results.chart_points, {"kind": "cusp", "values": (0.5, 0.2)}),
-    ],
-)
-def test_a_chart(table, row):
-    drive = mi.Sine(amplitude=0.24, omega=0.5)
-    system = mi.load_actuator("zhao2004").under(drive)
-    names = ("omega", "amplitude")
-    check(table(names, [], system), table(names, [row], system))
+def test_rows_of_a_device():
+    system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5))
+    headings = {"kind": str, "omega": float, "amplitude": float}
+    full = row_table(headings, [("fold", 0.5, 0.2)], system)
+    check(row_table(headings, [], system), full)

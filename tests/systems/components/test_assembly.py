@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from mems_impact.hybrid.definition import in_modes
 
 PLAIN = mi.Options(engine="interpreted", method="dop853")
 STOP = mi.Stopper("stop", "x", "v", upper=1.0, restitution="e")
@@ -427,3 +428,16 @@ def test_around_a_ring_at_rest_not_all_that_slides_does_so_in_one_direction(seed
     speeds = {0.0: 0.0, **{body: getattr(run.final, body) for body in bodies}}
     for (on, of), mode in sliding:
         assert np.sign(round(speeds[on] - speeds[of], 12)) == signs[mode]
+
+
+def test_the_condition_of_one_part_of_many_is_one_comparison():
+    count = 2**12
+    for stride in (1, 4, 2**11):
+        held = tuple(mode for mode in range(count) if mode // stride % 2 == 1)
+        condition = in_modes(held, count)
+        assert "or" not in condition
+        assert [mode for mode in range(count) if eval(condition)] == list(held)
+    for some in ((0, 1, 4), (5,), (1, 3), tuple(range(6)), None):
+        condition = in_modes(some, 6)
+        chosen = [mode for mode in range(6) if eval(condition)]
+        assert chosen == list(range(6) if some is None else some)
