@@ -401,9 +401,9 @@ def _end_margins(engine: Any, out: Any) -> None:
 
 
 def _interpolate(engine: Any, t: float, y: Any) -> None:
-    _dky(engine.cvode, t, 0, engine.dense)
-    for i in range(engine.n):
-        y[i] = pointer(engine.spare)[i]
+    status = _dky(engine.cvode, t, 0, engine.dense)
+    for i in range(engine.n):  # no value outside the last step, in place of the former one
+        y[i] = pointer(engine.spare)[i] if status == 0 else math.nan
 
 
 def _restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
