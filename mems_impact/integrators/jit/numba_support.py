@@ -85,15 +85,26 @@ class UnlinkedLibrary(JITCodeLibrary):
         self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
-        """Return the code of the function and of all functions that it calls."""
-        libraries, module = [self], self._final_module.clone()
-        for library in libraries:
-            if library is not self:
-                is_part = isinstance(library, UnlinkedLibrary)
-                part = library._final_module if is_part else library._get_module_for_linking()
-                module.link_in(part, preserve=True)
-            if isinstance(library, UnlinkedLibrary):
-                libraries += [each for each in library._linking_libraries if each not in libraries]
+        """Return the code of the function and of all functions that it calls.
+
+        A function is linked only where code that calls it already is.
+        """
+        seen, order = {self}, []
+
+        def visit(library: Any) -> None:
+            called = library._linking_libraries if isinstance(library, UnlinkedLibrary) else ()
+            for each in called:
+                if each not in seen:
+                    seen.add(each)
+                    visit(each)
+            order.append(library)
+
+        visit(self)
+        module = self._final_module.clone()
+        for library in reversed(order[:-1]):
+            is_part = isinstance(library, UnlinkedLibrary)
+            part = library._final_module if is_part else library._get_module_for_linking()
+            module.link_in(part, preserve=True)
         return module
 
     def get_pointer_to_function(self, name: str) -> int:
