@@ -64,7 +64,7 @@ class MemsImpactError(Picklable, Exception):
     ...     mi.load_actuator("zhao2004").replace(delta=2)
     ... except mi.MemsImpactError as error:
     ...     print(error)
-    delta = 2: must be between 0 and d = 1 (exclusive)
+    delta = 2: must be < 1, the gap d
     """
 
 
