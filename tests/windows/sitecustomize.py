@@ -58,7 +58,7 @@ def opened(file, mode="r", buffering=-1, encoding=None, *others, **named):
         encoding = CODE_PAGE
     if isinstance(file, str | os.PathLike) and set(os.path.basename(file)) & set('<>:"|?*'):
         raise OSError(22, "Invalid argument", os.fspath(file))
-    if isinstance(file, str | os.PathLike) and os.path.isdir(file):
+    if isinstance(file, str | os.PathLike) and os.path.isdir(file) and "opener" not in named:
         raise PermissionError(13, "Permission denied", os.fspath(file))
     return open_file(file, mode, buffering, encoding, *others, **named)
 
