@@ -20,7 +20,7 @@ class QuantityError(ValueError):
     """A text that is not a quantity of the expected kind."""
 
 
-class Unit(NamedTuple):
+class UnitProduct(NamedTuple):
     """A unit: its factor to base units, and the powers of kg, m, s, A and rad."""
 
     factor: float
@@ -33,37 +33,37 @@ PREFIX_FACTORS = {letter: 10.0**power for power, letter in SI_PREFIXES.items() i
 PREFIX_FACTORS |= {"u": 1e-6, "\N{GREEK SMALL LETTER MU}": 1e-6}
 
 BASE = {
-    "kg": Unit(1.0, (1, 0, 0, 0, 0)),
-    "g": Unit(1e-3, (1, 0, 0, 0, 0)),
-    "m": Unit(1.0, (0, 1, 0, 0, 0)),
-    "s": Unit(1.0, (0, 0, 1, 0, 0)),
-    "A": Unit(1.0, (0, 0, 0, 1, 0)),
-    "rad": Unit(1.0, (0, 0, 0, 0, 1)),
-    "Hz": Unit(2.0 * math.pi, (0, 0, -1, 0, 1)),
-    "V": Unit(1.0, (1, 2, -3, -1, 0)),
-    "N": Unit(1.0, (1, 1, -2, 0, 0)),
-    "J": Unit(1.0, (1, 2, -2, 0, 0)),
-    "W": Unit(1.0, (1, 2, -3, 0, 0)),
-    "Pa": Unit(1.0, (1, -1, -2, 0, 0)),
-    "F": Unit(1.0, (-1, -2, 4, 2, 0)),
-    "C": Unit(1.0, (0, 0, 1, 1, 0)),
-    "ohm": Unit(1.0, (1, 2, -3, -2, 0)),
-    "H": Unit(1.0, (1, 2, -2, -2, 0)),
-    "T": Unit(1.0, (1, 0, -2, -1, 0)),
-    "Wb": Unit(1.0, (1, 2, -2, -1, 0)),
+    "kg": UnitProduct(1.0, (1, 0, 0, 0, 0)),
+    "g": UnitProduct(1e-3, (1, 0, 0, 0, 0)),
+    "m": UnitProduct(1.0, (0, 1, 0, 0, 0)),
+    "s": UnitProduct(1.0, (0, 0, 1, 0, 0)),
+    "A": UnitProduct(1.0, (0, 0, 0, 1, 0)),
+    "rad": UnitProduct(1.0, (0, 0, 0, 0, 1)),
+    "Hz": UnitProduct(2.0 * math.pi, (0, 0, -1, 0, 1)),
+    "V": UnitProduct(1.0, (1, 2, -3, -1, 0)),
+    "N": UnitProduct(1.0, (1, 1, -2, 0, 0)),
+    "J": UnitProduct(1.0, (1, 2, -2, 0, 0)),
+    "W": UnitProduct(1.0, (1, 2, -3, 0, 0)),
+    "Pa": UnitProduct(1.0, (1, -1, -2, 0, 0)),
+    "F": UnitProduct(1.0, (-1, -2, 4, 2, 0)),
+    "C": UnitProduct(1.0, (0, 0, 1, 1, 0)),
+    "ohm": UnitProduct(1.0, (1, 2, -3, -2, 0)),
+    "H": UnitProduct(1.0, (1, 2, -2, -2, 0)),
+    "T": UnitProduct(1.0, (1, 0, -2, -1, 0)),
+    "Wb": UnitProduct(1.0, (1, 2, -2, -1, 0)),
 }
 OTHERS = {
-    "%": Unit(1e-2),
-    "cm": Unit(1e-2, (0, 1, 0, 0, 0)),
-    "deg": Unit(math.pi / 180.0, (0, 0, 0, 0, 1)),
-    "°": Unit(math.pi / 180.0, (0, 0, 0, 0, 1)),
-    "rpm": Unit(2.0 * math.pi / 60.0, (0, 0, -1, 0, 1)),
-    "min": Unit(60.0, (0, 0, 1, 0, 0)),
-    "h": Unit(3600.0, (0, 0, 1, 0, 0)),
-    "bar": Unit(1e5, (1, -1, -2, 0, 0)),
-    "mbar": Unit(1e2, (1, -1, -2, 0, 0)),
-    "atm": Unit(101325.0, (1, -1, -2, 0, 0)),
-    "Torr": Unit(101325.0 / 760.0, (1, -1, -2, 0, 0)),
+    "%": UnitProduct(1e-2),
+    "cm": UnitProduct(1e-2, (0, 1, 0, 0, 0)),
+    "deg": UnitProduct(math.pi / 180.0, (0, 0, 0, 0, 1)),
+    "°": UnitProduct(math.pi / 180.0, (0, 0, 0, 0, 1)),
+    "rpm": UnitProduct(2.0 * math.pi / 60.0, (0, 0, -1, 0, 1)),
+    "min": UnitProduct(60.0, (0, 0, 1, 0, 0)),
+    "h": UnitProduct(3600.0, (0, 0, 1, 0, 0)),
+    "bar": UnitProduct(1e5, (1, -1, -2, 0, 0)),
+    "mbar": UnitProduct(1e2, (1, -1, -2, 0, 0)),
+    "atm": UnitProduct(101325.0, (1, -1, -2, 0, 0)),
+    "Torr": UnitProduct(101325.0 / 760.0, (1, -1, -2, 0, 0)),
     "\N{OHM SIGN}": BASE["ohm"],
     "\N{GREEK CAPITAL LETTER OMEGA}": BASE["ohm"],
 }
@@ -185,17 +185,17 @@ def factors(text: str) -> Iterator[tuple[str, float]]:
             yield found[1], sign * float(found[2] or 1.0)
 
 
-def _product(text: str) -> Unit:
+def _product(text: str) -> UnitProduct:
     """Return a product of units; KeyError for other text."""
     factor, powers = 1.0, [0.0] * 5
     for name, power in factors(text):
         own = _unit(name)
         factor *= own.factor**power
         powers = [a + power * b for a, b in zip(powers, own.powers, strict=True)]
-    return Unit(factor, tuple(powers))
+    return UnitProduct(factor, tuple(powers))
 
 
-def _unit(name: str) -> Unit:
+def _unit(name: str) -> UnitProduct:
     """Return a unit, with or without a prefix."""
     if name in BASE:
         return BASE[name]
@@ -205,7 +205,7 @@ def _unit(name: str) -> Unit:
     own = OTHERS[base] if base in OHMS else BASE[base]
     if prefix not in PREFIX_FACTORS or base not in ALLOWED_PREFIXES:
         raise KeyError(name)
-    return Unit(own.factor * PREFIX_FACTORS[prefix], own.powers)
+    return UnitProduct(own.factor * PREFIX_FACTORS[prefix], own.powers)
 
 
 def _is_pint(value: Any) -> bool:

@@ -13,7 +13,6 @@ from mems_impact.actuator.parameters import ActuatorParameters
 from mems_impact.actuator.plausibility import check_plausible_device, check_plausible_drive
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.base import Term
-from mems_impact.actuator.verilog_a import write_verilog_a
 from mems_impact.integrators.options import Options
 from mems_impact.systems.state import State
 
@@ -234,6 +233,8 @@ class Actuator(ActuatorParameters):
         >>> [line for line in Path("dev.va").read_text().splitlines() if line[:6] == "module"]
         ['module dev(p, n, block, frame);']
         """
+        from mems_impact.actuator.verilog_a import write_verilog_a
+
         write_verilog_a(self, path, electrodes)
 
     @property

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 from functools import lru_cache
-from types import CodeType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator.terms.base import Function
-from mems_impact.export.verilog_a import Array, Index, VerilogStatements, text_of
 
 MIN_POINTS = 4
 COEFFICIENTS = 6  # of an interval
@@ -177,26 +174,3 @@ def spline_functions(points: int, polynomials: int, count: int) -> TableSpline:
         )
 
     return TableSpline(value, slope, integral)
-
-
-# --- Verilog-A, which has no arrays
-
-
-def interval_statements(code: VerilogStatements, interval_of: Any, x: Any, p: Array) -> Index:
-    """Append the statements of ``interval_of``; return its value."""
-    own = inspect.getclosurevars(interval_of).nonlocals
-    first, last = own["points"], own["last"]
-    interval = code.let("interval", 0.0)
-    for i in range(1, last):
-        code.add(f"if ({text_of(x)} >= {text_of(p[first + i])}) {interval.id} = {text_of(i)};")
-    return Index(interval, last)
-
-
-def _code_of_interval() -> CodeType:
-    locate = inspect.getclosurevars(spline_functions(0, 0, 0).value).nonlocals["locate"]
-    code: CodeType = inspect.getclosurevars(locate).nonlocals["interval_of"].__code__
-    return code
-
-
-VERILOG_A = {_code_of_interval(): interval_statements}
-"""Functions of splines that are not translated, by their code."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import math
 import re
 import textwrap
@@ -10,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 from pydantic.fields import FieldInfo
@@ -22,12 +24,18 @@ from mems_impact.actuator.equations import STATES, V1, V2, X1, X2
 from mems_impact.actuator.model import Model, bounds_of, compose
 from mems_impact.actuator.parameter_base import limits_of
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, ActuatorParameters
-from mems_impact.actuator.splines import VERILOG_A
+from mems_impact.actuator.splines import spline_functions
 from mems_impact.actuator.terms.base import Electrode, Function, Term
 from mems_impact.actuator.terms.compliant_stopper import CompliantStopper
 from mems_impact.actuator.terms.regularized_friction import RegularizedFriction
 from mems_impact.errors import InvalidParameter
-from mems_impact.export.verilog_a import Array, VerilogStatements, text_of, tree_of
+from mems_impact.export.verilog_a import (
+    Index,
+    SymbolicArray,
+    VerilogStatements,
+    text_of,
+    tree_of,
+)  # fmt: skip
 
 POSITION_ABSTOL_RATIO = 1e-6  # absolute tolerance of positions in gaps, and of forces in k d
 MAX_STEP = 0.1  # longest step in units of 1/w0
@@ -45,6 +53,31 @@ PORTS = "p", "n", "left", "block", "frame", "electrode", "left_electrode"
 VOLTAGES = "V(electrode)", "V(left_electrode)"
 
 
+# --- Splines, since Verilog-A has no arrays
+
+
+def interval_statements(
+    code: VerilogStatements, interval_of: Any, x: Any, p: SymbolicArray
+) -> Index:
+    """Append the statements of ``interval_of``; return its value."""
+    own = inspect.getclosurevars(interval_of).nonlocals
+    first, last = own["points"], own["last"]
+    interval = code.let("interval", 0.0)
+    for i in range(1, last):
+        code.add(f"if ({text_of(x)} >= {text_of(p[first + i])}) {interval.id} = {text_of(i)};")
+    return Index(interval, last)
+
+
+def _code_of_interval() -> CodeType:
+    locate = inspect.getclosurevars(spline_functions(0, 0, 0).value).nonlocals["locate"]
+    code: CodeType = inspect.getclosurevars(locate).nonlocals["interval_of"].__code__
+    return code
+
+
+SPLINES = {_code_of_interval(): interval_statements}
+"""Functions of splines that are not translated, by their code."""
+
+
 # --- The equations
 
 
@@ -54,12 +87,12 @@ class Layout:
 
     actuator: ActuatorParameters
     model: Model
-    p: Array  # numbers of tables, and names of other parameters
+    p: SymbolicArray  # numbers of tables, and names of other parameters
 
     @property
-    def y(self) -> Array:
+    def y(self) -> SymbolicArray:
         """Names of the states."""
-        return Array(map(ast.Name, self.model.layout.states))
+        return SymbolicArray(map(ast.Name, self.model.layout.states))
 
     @property
     def states(self) -> list[str]:
@@ -101,7 +134,7 @@ def layout_of(actuator: ActuatorParameters, electrodes: int) -> Layout:
         for name, length in term.kind.lengths.items():
             own: list[Any] = [next(numbers) for _ in range(length)]
             p += [ast.Name(f"{term.name()}_{name}")] if name in term.names else own
-    return Layout(actuator, model, Array(p))
+    return Layout(actuator, model, SymbolicArray(p))
 
 
 def refuse(terms: Sequence[str]) -> None:
@@ -160,7 +193,7 @@ def accelerations_of(model: Model) -> tuple[Function, Function]:
 def analog_block(layout: Layout) -> VerilogStatements:
     """Return the analog block."""
     model, p, y = layout.model, layout.p, layout.y
-    code = VerilogStatements(layout.symbols, VERILOG_A)
+    code = VerilogStatements(layout.symbols, SPLINES)
     code.let("w0", ast.Name("sqrt(k/m2)"))
     code.add("", "// State and forces, Equations (1) to (3)")
     for name in layout.states:

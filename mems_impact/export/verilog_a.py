@@ -2,7 +2,7 @@
 
 The functions are those that numba compiles: plain arithmetic, `math`, conditions, and calls of such
 functions, whose statements are inlined. A value is a number, known here, or an expression of the
-module, as a syntax tree; an array is an `Array` of both.
+module, as a syntax tree; an array is an `SymbolicArray` of both.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ NEUTRAL = {ast.Add: (0.0, 0.0), ast.Sub: (None, 0.0), ast.Mult: (1.0, 1.0), ast.
 """Numbers at the left and at the right of an operator that may be omitted."""
 
 
-class Array(list[Any]):
+class SymbolicArray(list[Any]):
     """An array of numbers and expressions; as an argument of Python functions, of numbers alone."""
 
     def __getitem__(self, index: Any) -> Any:
@@ -321,7 +321,7 @@ class _Call:
 
     def item(self, array: Any, index: Any) -> Any:
         if not isinstance(index, Index):
-            return array.item(index) if isinstance(array, Array) else array[index]
+            return array.item(index) if isinstance(array, SymbolicArray) else array[index]
         code, key = self.statements, (id(array), index)
         if key not in code.results:
             values = [array.item(index.factor * i + index.offset) for i in range(index.count)]

@@ -90,7 +90,7 @@ def takes_system(
             else:
                 allowed = "a System, or an Actuator (see load_actuator) and a Drive"
                 raise InvalidParameter(typed, model, allowed)
-            for name in () if takes_any else keywords.keys() - set(names):
+            for name in () if takes_any else (each for each in keywords if each not in names):
                 problem = f"{verb.__name__}() got an unexpected keyword argument {name!r}"
                 if "options" in names and name in {each.name for each in fields(Options)}:
                     raise TypeError(f"{problem}: give options=Options({name}=…)")

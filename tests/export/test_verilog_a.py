@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from mems_impact._util.units import DIMENSIONLESS
-from mems_impact.actuator.splines import VERILOG_A
-from mems_impact.actuator.verilog_a import accelerations_of, layout_of, load_of
+from mems_impact.actuator.verilog_a import SPLINES, accelerations_of, layout_of, load_of
 from mems_impact.errors import FunctionError
 from mems_impact.export.verilog_a import VerilogStatements, text_of
 from tests.actuator.test_verilog_a import ALL, DIFFERENT, SMOOTH
@@ -88,7 +87,7 @@ def test_equations_of_a_device(device, electrodes):
     p += (number for term in device.terms for number in term.numbers(DIMENSIONLESS))
     names = {each.id: number for each, number in zip(list(layout.p), p, strict=True)
              if isinstance(each, ast.Name)}  # fmt: skip
-    code = VerilogStatements(layout.symbols, VERILOG_A)
+    code = VerilogStatements(layout.symbols, SPLINES)
     at = ast.Name("v"), ast.Name("w"), layout.y, layout.p
     load = code.call(load_of(model), *at)
     a1 = code.call(accelerations_of(model)[0], load, 0.0, *at[2:])

@@ -468,7 +468,7 @@ class Eager(ast.NodeTransformer):
         """Return the replacement, or the node if it calls functions that take long."""
         self.generic_visit(node)
         calls = [each.func for each in ast.walk(node) if isinstance(each, ast.Call)]
-        if not all(isinstance(each, ast.Name) and SHORT.match(each.id) for each in calls):
+        if not all(isinstance(each, ast.Name) and SHORT.fullmatch(each.id) for each in calls):
             return node
         operator = ast.BitAnd() if isinstance(node.op, ast.And) else ast.BitOr()
         return reduce(lambda a, b: ast.BinOp(a, operator, b), node.values)
